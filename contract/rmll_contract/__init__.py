@@ -1,0 +1,1 @@
+"""What trainer, exporter and robot agree on, each thing defined once."""

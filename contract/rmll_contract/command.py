@@ -1,0 +1,34 @@
+"""How every ``rmll-*`` command starts and ends: tyro in front, one line on errors."""
+
+import sys
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+import tyro
+
+from rmll_gaits.errors import Failure, InputError
+
+
+def run(prog: str, commands: Callable[..., int | None] | dict[str, Callable[..., Any]]) -> NoReturn:
+    """Parse ``sys.argv`` and run one command, or one of several named subcommands.
+
+    Exit codes: what the command returns (None = 0), 2 for wrong input, 1 for failed work,
+    130 for Ctrl-C.
+    """
+    try:
+        if callable(commands):
+            code = tyro.cli(commands, prog=prog)
+        else:
+            code = tyro.extras.subcommand_cli_from_dict(commands, prog=prog)
+    except InputError as error:
+        _end(prog, error, 2)
+    except (Failure, OSError) as error:
+        _end(prog, error, 1)
+    except KeyboardInterrupt:
+        _end(prog, "stopped", 130)
+    sys.exit(code or 0)
+
+
+def _end(prog: str, message: object, code: int) -> NoReturn:
+    print(f"{prog}: {' '.join(str(message).split())}", file=sys.stderr)
+    sys.exit(code)

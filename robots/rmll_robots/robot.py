@@ -1,0 +1,52 @@
+"""A robot as the rest of the project sees it: names, limits, gains and poses."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """Facts of one quadruped. Joint arrays are (12,), in the order of ``joint_names``."""
+
+    name: str
+    joint_names: tuple[str, ...]
+    foot_names: tuple[str, ...]
+    """Leg order of every per-foot array, also the bit order of contact labels."""
+    joint_lower: Array
+    """[rad]"""
+    joint_upper: Array
+    """[rad]"""
+    torque_limit: float
+    """[N·m], the same for all joints"""
+    velocity_limit: float
+    """[rad/s], the same for all joints"""
+    default_pose: Array
+    """[rad]; a zero action of the policy"""
+    stand_pose: Array
+    """[rad]"""
+    crouch_pose: Array
+    """[rad]; legs folded, base on or just above the ground"""
+    kp: float
+    """[N·m/rad], while a policy runs"""
+    kd: float
+    """[N·m·s/rad], while a policy runs"""
+    stand_kp: float
+    stand_kd: float
+    damping_kd: float
+    action_scale: float
+    """[rad] of joint target per unit of action"""
+    action_clip: float
+    """Largest absolute action"""
+    foot_radius: float
+    """[m]"""
+    mass: float
+    """[kg]"""
+    policy_hz: int
+    control_hz: int
+    mjcf: Path
+    """The robot with its sensors, without a floor"""
