@@ -1,0 +1,122 @@
+"""The compiled gait: per automaton state, what each of the 16 contact labels does.
+
+This one table trains the policy, travels in the bundle, steers the robot and judges logs.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmll_gaits.errors import InputError
+from rmll_gaits.label import NUM_LABELS
+
+STAY, ADVANCE, REJECT = 0, 1, 2
+"""Effects of a label: wait in the state; take the edge and earn the bonus; fall into the sink."""
+
+MAX_STATES = 64
+
+
+@dataclass(frozen=True)
+class Commands:
+    """Ranges (low, high) from which commands are drawn, and to which they are clamped."""
+
+    vx: tuple[float, float]
+    """[m/s], forward positive"""
+    wz: tuple[float, float]
+    """[rad/s], left positive"""
+    frequency: tuple[float, float]
+    """c_f [policy steps], the least time between two transitions"""
+
+
+@dataclass(frozen=True)
+class MachineTable:
+    """Automaton of one gait. Arrays are read-only, (states, 16), indexed [state, label]."""
+
+    gait: str
+    states: tuple[str, ...]
+    start: int
+    sink: int | None
+    """Index of the state that a reject edge leads to, None without reject edges"""
+    commands: Commands
+    next_state: NDArray[np.int64]
+    effect: NDArray[np.int64]
+    dwell: NDArray[np.float64]
+    """Factor of c_f: the edge is closed until phi >= dwell * c_f; 0 opens it at once"""
+    grace: NDArray[np.int64]
+    """A reject edge is closed during the first ``grace`` policy steps of an episode"""
+    hold: NDArray[np.bool_]
+    """Labels that are as expected while waiting in the state"""
+
+    def __post_init__(self) -> None:
+        shape = (len(self.states), NUM_LABELS)
+        for name, kind in _ARRAYS.items():
+            array = np.ascontiguousarray(getattr(self, name), dtype=kind)
+            if array.shape != shape:
+                raise InputError(f"gait table: {name} has shape {array.shape}, expected {shape}")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        self._check()
+
+    def _check(self) -> None:
+        count = len(self.states)
+        indices = [self.start] + ([] if self.sink is None else [self.sink])
+        if not 0 < count <= MAX_STATES:
+            raise InputError(f"gait table: {count} states, expected 1 to {MAX_STATES}")
+        if not all(0 <= index < count for index in indices):
+            raise InputError(f"gait table: start or sink outside 0..{count - 1}")
+        if self.next_state.min() < 0 or self.next_state.max() >= count:
+            raise InputError(f"gait table: next_state outside 0..{count - 1}")
+        if self.effect.min() < STAY or self.effect.max() > REJECT:
+            raise InputError("gait table: effect is not 0 (stay), 1 (advance) or 2 (reject)")
+        if not np.isfinite(self.dwell).all() or self.dwell.min() < 0 or self.grace.min() < 0:
+            raise InputError("gait table: dwell and grace must be finite and not negative")
+        stays = np.arange(count)[:, None]
+        if ((self.effect == STAY) & (self.next_state != stays)).any():
+            raise InputError("gait table: a label that stays leads to another state")
+
+    @property
+    def num_states(self) -> int:
+        return len(self.states)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain lists and numbers, exact, for JSON."""
+        plain: dict[str, Any] = {
+            "gait": self.gait,
+            "states": list(self.states),
+            "start": self.start,
+            "sink": self.sink,
+            "commands": {f.name: list(getattr(self.commands, f.name)) for f in fields(Commands)},
+        }
+        return plain | {name: getattr(self, name).tolist() for name in _ARRAYS}
+
+    @classmethod
+    def from_dict(cls, plain: dict[str, Any]) -> "MachineTable":
+        """Inverse of :meth:`to_dict`; raises InputError on anything that is no table."""
+        try:
+            commands = Commands(
+                **{f.name: (float(lo), float(hi)) for f in fields(Commands)
+                   for lo, hi in [plain["commands"][f.name]]}
+            )  # fmt: skip
+            return cls(
+                gait=str(plain["gait"]),
+                states=tuple(map(str, plain["states"])),
+                start=int(plain["start"]),
+                sink=None if plain["sink"] is None else int(plain["sink"]),
+                commands=commands,
+                **{name: np.array(plain[name]) for name in _ARRAYS},
+            )
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"gait table: cannot be read ({error!r})") from error
+
+
+_ARRAYS = {
+    "next_state": np.int64,
+    "effect": np.int64,
+    "dwell": np.float64,
+    "grace": np.int64,
+    "hold": np.bool_,
+}
