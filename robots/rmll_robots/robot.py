@@ -48,5 +48,5 @@ class Robot:
     """[kg]"""
     policy_hz: int
     control_hz: int
-    mjcf: Path
-    """The robot with its sensors, without a floor"""
+    scene: Path
+    """MJCF of the robot with its sensors on a flat floor"""

@@ -67,5 +67,5 @@ A1 = Robot(
     mass=12.453,
     policy_hz=50,
     control_hz=200,
-    mjcf=Path(__file__).with_name("a1.xml"),
+    scene=Path(__file__).with_name("scene.xml"),
 )
