@@ -1,0 +1,54 @@
+"""Gaits by name, from the library beside this module, or by path, from the user's file."""
+
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from rmll_gaits.compile import compile_gait
+from rmll_gaits.document import MAX_CHARACTERS
+from rmll_gaits.errors import InputError
+from rmll_gaits.spec import GaitSpec, read_spec
+from rmll_gaits.table import MachineTable
+
+_SUFFIX = ".yaml"
+
+
+def load_gait(gait: str | Path) -> MachineTable:
+    """The compiled gait of a library name (``trot``) or of a file (``my/gait.yaml``).
+
+    Raises InputError for an unknown name, an unreadable file, or a gait with errors.
+    """
+    return compile_gait(load_spec(gait))
+
+
+def load_spec(gait: str | Path) -> GaitSpec:
+    """The rules of a gait, not compiled; arguments and errors as :func:`load_gait`."""
+    name = str(gait)
+    if name in library_names():
+        return read_spec((_library() / f"{name}{_SUFFIX}").read_text("utf-8"), f"{name}{_SUFFIX}")
+    path = Path(gait)
+    if path.suffix not in (_SUFFIX, ".yml"):
+        known = ", ".join(library_names())
+        raise InputError(f"no gait {name!r}, expected one of {known}, or a {_SUFFIX} file")
+    return read_spec(_read(path), name)
+
+
+def library_names() -> tuple[str, ...]:
+    """Names of the gaits that come with the package, sorted."""
+    files = (entry.name for entry in _library().iterdir())
+    return tuple(sorted(name.removesuffix(_SUFFIX) for name in files if name.endswith(_SUFFIX)))
+
+
+def _library() -> Traversable:
+    return resources.files("rmll_gaits.library")
+
+
+def _read(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            # One byte more than any file may have, in UTF-8; the reader refuses what is too long.
+            return file.read(4 * MAX_CHARACTERS + 1).decode("utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a text in UTF-8: {error.reason}") from error
