@@ -1,21 +1,19 @@
 """From a gait's rules to its table: what each contact label does in each state."""
 
-from collections.abc import Iterator
-from itertools import combinations
-
 import numpy as np
 
 from rmll_gaits import pose
 from rmll_gaits.errors import InputError
 from rmll_gaits.label import NUM_LABELS
-from rmll_gaits.spec import SINK, Edge, GaitSpec
+from rmll_gaits.problems import problems
+from rmll_gaits.spec import SINK, GaitSpec
 from rmll_gaits.table import ADVANCE, REJECT, MachineTable
 
 
 def compile_gait(spec: GaitSpec) -> MachineTable:
     """The table of a gait; the sink, if any edge rejects, is its last state.
 
-    Raises InputError with the first of :func:`problems`.
+    Raises InputError with the first of :func:`rmll_gaits.problems.problems`.
     """
     for problem in problems(spec):
         raise InputError(problem)
@@ -42,24 +40,6 @@ def compile_gait(spec: GaitSpec) -> MachineTable:
         grace=grace,
         hold=_hold(spec, names),
     )
-
-
-def problems(spec: GaitSpec) -> Iterator[str]:
-    """Why the gait cannot be compiled, a line each: guards that overlap or are never true."""
-    for state in spec.states:
-        for edge in state.edges:
-            if not edge.labels:
-                yield f"{edge.where}: state {state.name}: {edge.when!r} is true for no contact"
-        for first, second in combinations(state.edges, 2):
-            if common := first.labels & second.labels:
-                yield (
-                    f"{second.where}: state {state.name}: contact {pose.to_text(min(common))}"
-                    f" opens two edges, {_name(first)} and {_name(second)}"
-                )
-
-
-def _name(edge: Edge) -> str:
-    return f"{edge.when!r} to {edge.to}"
 
 
 def _hold(spec: GaitSpec, names: list[str]) -> np.ndarray:
