@@ -1,0 +1,99 @@
+"""The two files of a run: one to go on training, one to export.
+
+``checkpoint.pt`` holds everything a resumed run needs (tensors and plain values; it is read with
+``weights_only``). ``policy.safetensors`` holds the networks that the robot needs, and in its header
+the contract, so that export works without torch. Both are replaced atomically.
+"""
+
+import os
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors.torch import save_file
+
+from rmll_contract import observation
+from rmll_contract.contract import FORMAT, KEY, Contract, Labels, Trace, encode, seal
+from rmll_gaits.errors import InputError
+from rmll_train.environment import GaitEnv
+from rmll_train.network import EstimatingActor
+
+CHECKPOINT = "checkpoint.pt"
+POLICY = "policy.safetensors"
+PROBES = 64
+"""Random observations whose answers travel along, for the exporter to check itself against"""
+
+
+def save_checkpoint(run: Path, state: dict[str, Any]) -> None:
+    _replace(run / CHECKPOINT, lambda path: torch.save(state, path))
+
+
+def load_checkpoint(run: Path) -> dict[str, Any]:
+    """Raises InputError with one line when the file is missing or no checkpoint."""
+    path = run / CHECKPOINT
+    if not path.is_file():
+        raise InputError(f"{path}: no such checkpoint; --resume takes the folder of a run")
+    try:
+        return torch.load(path, weights_only=True)
+    except (RuntimeError, EOFError, pickle.UnpicklingError, ValueError) as error:
+        raise InputError(f"{path}: not a checkpoint of rmll-train") from error
+
+
+def save_policy(
+    run: Path, actor: EstimatingActor, env: GaitEnv, trace: Trace, provenance: dict[str, Any]
+) -> None:
+    """Write ``policy.safetensors``: layers ``policy.i.weight``/``bias`` and ``estimator.i.*``."""
+    tensors = _layers("policy", actor.mlp) | _layers("estimator", actor.estimator)
+    generator = torch.Generator().manual_seed(0)
+    probe = torch.randn(PROBES, actor.obs_dim, generator=generator)
+    with torch.no_grad():
+        estimate = actor.estimator(probe)
+        action = actor.mlp(torch.cat([probe, estimate * actor.estimate_scale], dim=-1))
+    tensors |= {"probe.observation": probe, "probe.estimate": estimate, "probe.action": action}
+    header = {KEY: encode(seal(_contract(env, trace, provenance)))}
+    _replace(run / POLICY, lambda path: save_file(tensors, path, metadata=header))
+
+
+def _layers(name: str, network: torch.nn.Module) -> dict[str, torch.Tensor]:
+    linear = [layer for layer in network.modules() if isinstance(layer, torch.nn.Linear)]
+    return {
+        f"{name}.{index}.{kind}": getattr(layer, kind).detach().clone()
+        for index, layer in enumerate(linear)
+        for kind in ("weight", "bias")
+    }
+
+
+def _contract(env: GaitEnv, trace: Trace, provenance: dict[str, Any]) -> Contract:
+    robot, world = env.robot, env.world
+    return Contract(
+        format=FORMAT,
+        gait=env.table.gait,
+        table=env.table.to_dict(),
+        robot=robot.name,
+        profile=world.profile,
+        observation=env.layout,
+        estimates=observation.ESTIMATES,
+        joint_names=robot.joint_names,
+        default_pose=tuple(map(float, robot.default_pose)),
+        kp=robot.kp,
+        kd=robot.kd,
+        action_scale=robot.action_scale,
+        action_clip=robot.action_clip,
+        torque_limit=robot.torque_limit,
+        policy_hz=robot.policy_hz,
+        control_hz=robot.control_hz,
+        labels=Labels(world.contact_force, world.clearance),
+        provenance=provenance,
+        trace=trace,
+    )
+
+
+def _replace(path: Path, write: Callable[[Path], Any]) -> None:
+    """A reader sees the old file or the new one, never half of one, even after a power cut."""
+    partial = path.with_name(path.name + ".partial")
+    write(partial)
+    with partial.open("rb") as file:
+        os.fsync(file.fileno())
+    partial.replace(path)

@@ -1,0 +1,325 @@
+"""The learning environment: many A1s under one gait's automaton, as rsl-rl's VecEnv.
+
+One policy step: action -> joint targets held for 20 ms -> contact labels -> automaton -> R_walk, with
+the bonus where the automaton advanced -> ends of episodes -> observation.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from rsl_rl.env import VecEnv
+from tensordict import TensorDict
+from torch import Tensor
+
+from rmll_contract import action, observation
+from rmll_gaits import label, machine
+from rmll_gaits.schedule import transition_rate
+from rmll_gaits.table import MachineTable
+from rmll_robots import Robot
+from rmll_train import reward
+from rmll_train.settings import World
+from rmll_train.simulation import Simulation
+
+_BUFFERS = (
+    "episode_length_buf", "state", "phi", "down", "touching", "clear", "label", "command",
+    "_rate",    "_touched_before", "_air_time", "_last_action", "_last_joint_velocity", "_dwell_reward",
+)  # fmt: skip
+PLACING_HEIGHT = 0.33
+"""[m] of the base at the start of an episode: the feet just above the ground"""
+
+
+@dataclass
+class Tally:
+    """Sums since the last :meth:`GaitEnv.take_tally`, over all robots; plain numbers."""
+
+    steps: int = 0
+    transitions: float = 0.0
+    allowed: float = 0.0
+    """transitions that the frequency commands allowed"""
+    off_spec: float = 0.0
+    """steps whose label neither an edge nor a hold explains"""
+    vx_error: float = 0.0
+    wz_error: float = 0.0
+    energy: float = 0.0
+    """[J]"""
+    distance: float = 0.0
+    """[m]"""
+    walk_reward: float = 0.0
+    episodes: int = 0
+    ends: int = 0
+    """episodes that ended before their time"""
+    length: float = 0.0
+    """[policy steps] of the ended episodes"""
+
+    def metrics(self) -> dict[str, float]:
+        """Means under the names that every report of the project uses."""
+        steps = max(self.steps, 1)
+        return {
+            "adherence": self.transitions / max(self.allowed, 1e-9),
+            "off_spec_contact": self.off_spec / steps,
+            "vx_error": self.vx_error / steps,
+            "wz_error": self.wz_error / steps,
+            "energy_per_metre": self.energy / max(self.distance, 1e-3),
+            "walk_reward": self.walk_reward / steps,
+            "early_ends": self.ends / max(self.episodes, 1),
+            "episode_steps": self.length / max(self.episodes, 1),
+        }
+
+
+class GaitEnv(VecEnv):
+    """Observation groups: ``policy`` (noisy, what the robot can measure), ``critic`` (true state) and
+    ``estimate`` (the estimator's targets: base velocity (3) [m/s], foot heights (4) [m]).
+    """
+
+    num_actions = observation.JOINTS
+    device = "cpu"
+
+    def __init__(self, table: MachineTable, robot: Robot, world: World, seed: int):
+        self.table, self.robot, self.world = table, robot, world
+        self.cfg = world
+        self.num_envs = world.envs
+        self.dt = 1.0 / robot.policy_hz
+        self.max_episode_length = round(world.episode * robot.policy_hz)
+        self.layout = observation.layout(world.profile, table.num_states)
+        self.generator = torch.Generator().manual_seed(seed)
+        self.simulation = Simulation(robot, self.num_envs, self.dt)
+        self.machine = machine.Machine.of(table, lambda array: torch.from_numpy(array.copy()))
+        self._default = torch.tensor(robot.default_pose, dtype=torch.float32)
+        self._lower = torch.tensor(robot.joint_lower, dtype=torch.float32) - world.terminations.joint_margin
+        self._upper = torch.tensor(robot.joint_upper, dtype=torch.float32) + world.terminations.joint_margin
+        self._one_hot = torch.eye(table.num_states)
+        self._tally = Tally()
+
+        n = self.num_envs
+        self.episode_length_buf = torch.zeros(n, dtype=torch.long)
+        self.state = torch.zeros(n, dtype=torch.long)
+        self.phi = torch.zeros(n, dtype=torch.long)
+        self.down = torch.ones(n, 4, dtype=torch.bool)
+        self.touching = torch.ones(n, 4, dtype=torch.bool)
+        self.clear = torch.zeros(n, 4, dtype=torch.bool)
+        self.label = torch.full((n,), label.NUM_LABELS - 1)
+        self.command = torch.zeros(n, 3)
+        self._rate = torch.zeros(n)  # transitions a step that the command allows
+        self._touched_before = torch.ones(n, 4, dtype=torch.bool)
+        self._air_time = torch.zeros(n, 4)
+        self._last_action = torch.zeros(n, self.num_actions)
+        self._last_joint_velocity = torch.zeros(n, self.num_actions)
+        self._dwell_reward = torch.zeros(n)
+        self._vary_robots()
+        self._begin(torch.arange(n))
+
+    # -- rsl-rl's interface -------------------------------------------------------------------
+
+    def get_observations(self) -> TensorDict:
+        true = self._measured()
+        clean = self._assemble(true)
+        privileged = torch.cat(
+            [self._estimate_targets() * self._estimate_scales(), self.simulation.projected_gravity,
+             self.simulation.angular_velocity * 0.25, self.simulation.base_height[:, None],
+             self.down.float()], dim=1,
+        )  # fmt: skip
+        groups = {
+            "policy": self._assemble(self._with_noise(true)),
+            "critic": torch.cat([clean, privileged], dim=1),
+            "estimate": self._estimate_targets(),
+        }
+        return TensorDict(groups, batch_size=[self.num_envs])
+
+    def step(self, actions: Tensor) -> tuple[TensorDict, Tensor, Tensor, dict[str, Any]]:
+        clip, scale = self.robot.action_clip, self.robot.action_scale
+        taken = actions.detach().nan_to_num().clamp(-clip, clip)
+        self.targets = action.targets(taken, self._default, scale, clip)
+        failed = self.simulation.step(self.targets)
+
+        landed_after = self._observe_contacts()
+        step = machine.step(
+            self.machine, self.state, self.phi, self.label, self.command[:, 2],
+            self.episode_length_buf,
+        )  # fmt: skip
+        explained = machine.explained(self.machine, self.state, self.label)
+        rewards, walk = self._reward(taken, landed_after, step)
+        ended = self._ended(taken) | step.rejected | failed
+        rewards = torch.where(step.rejected | failed, torch.zeros(()), rewards).nan_to_num()
+        self.state, self.phi = step.state, step.phi
+        self._last_action = taken
+        self._last_joint_velocity = self.simulation.joint_velocity.clone()
+        self.episode_length_buf = self.episode_length_buf + 1
+
+        timeout = (self.episode_length_buf >= self.max_episode_length) & ~ended
+        done = ended | timeout
+        self._count(step, explained, walk, done, ended)
+        self._disturb()
+        if done.any():
+            self._begin(done.nonzero()[:, 0])
+        return self.get_observations(), rewards, done, {"time_outs": timeout}
+
+    # -- what the trainer reads ---------------------------------------------------------------
+
+    def take_tally(self) -> Tally:
+        """Sums since the last call."""
+        tally, self._tally = self._tally, Tally()
+        return tally
+
+    def fix_commands(self, vx: float, wz: float, frequency: float) -> None:
+        """Give every robot the same commands, until the next draw."""
+        self.command[:] = torch.tensor([vx, wz, frequency])
+        self._rate[:] = transition_rate(self.table, frequency)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that :meth:`load_state_dict` needs to go on from here."""
+        buffers = {name: getattr(self, name).clone() for name in _BUFFERS}
+        return {"buffers": buffers, "simulation": self.simulation.state_dict(),
+                "random": self.generator.get_state()}  # fmt: skip
+
+    def load_state_dict(self, saved: dict[str, Any]) -> None:
+        for name, value in saved["buffers"].items():
+            getattr(self, name)[:] = value
+        self.simulation.load_state_dict(saved["simulation"])
+        self.generator.set_state(saved["random"])
+
+    # -- one policy step, in parts ------------------------------------------------------------
+
+    def _observe_contacts(self) -> Tensor:
+        """Update labels; returns seconds in the air of feet that touched down now (n, 4), else 0."""
+        touched = self.simulation.foot_force > self.world.contact_force
+        # one step of memory: a foot that bounces off for 20 ms has not lifted
+        self.touching = touched | self._touched_before
+        self._touched_before = touched
+        self.clear = self.simulation.foot_height >= self.world.clearance
+        self.down = label.hysteresis(self.down, self.touching, self.clear)
+        self.label = label.label(self.down.long())
+        landed_after = self._air_time * self.touching
+        self._air_time = (self._air_time + self.dt) * ~self.touching
+        return landed_after
+
+    def _reward(self, taken: Tensor, landed_after: Tensor, step: machine.Step) -> tuple[Tensor, Tensor]:
+        settings = self.world.rewards
+        motion = reward.Motion(
+            self.command, taken, self._last_action, self._last_joint_velocity, landed_after
+        )
+        walk = reward.walking(
+            reward.terms(self.simulation, motion, settings, self.dt), settings, self.dt
+        )
+        self._dwell_reward = self._dwell_reward + walk
+        praised = walk if settings.bonus_on == "step" else self._dwell_reward / (self.phi + 1)
+        self._dwell_reward = self._dwell_reward * ~step.advanced
+        return torch.where(step.advanced, praised * settings.bonus, walk), walk
+
+    def _ended(self, taken: Tensor) -> Tensor:
+        simulation, limit = self.simulation, self.world.terminations
+        position = simulation.joint_position
+        return (
+            (simulation.base_height < limit.base_height)
+            | (simulation.knee_height.amin(1) < limit.knee_height)
+            | (simulation.foot_height.amax(1) > limit.foot_height)
+            | ((position < self._lower) | (position > self._upper)).any(1)
+            | ((taken - self._last_action).abs().sum(1) > limit.action_rate)
+            | (simulation.projected_gravity[:, 2] > -0.5)  # 60 degrees: on its way to the ground
+        )
+
+    def _disturb(self) -> None:
+        """Pushes, and new commands within an episode."""
+        r = self.world.randomisation
+        pushed = self._due(r.push_interval)
+        if len(pushed):
+            self.simulation.push(pushed, self._uniform((len(pushed), 2), -1, 1) * r.push_velocity)
+        redrawn = self._due(self.world.command_interval)
+        if len(redrawn):
+            self._draw_commands(redrawn)
+
+    def _due(self, interval: float) -> Tensor:
+        """Robots whose episode time is a multiple of ``interval`` [s] now."""
+        age = self.episode_length_buf
+        period = max(1, round(interval / self.dt))
+        return ((age % period == 0) & (age > 0) & (age < self.max_episode_length)).nonzero()[:, 0]
+
+    def _vary_robots(self) -> None:
+        """Each robot keeps its friction and mass for the whole run, as in legged_gym."""
+        r, n = self.world.randomisation, (self.num_envs,)
+        self.simulation.randomise(self._uniform(n, *r.friction), self._uniform(n, *r.added_mass))
+
+    def _begin(self, ids: Tensor) -> None:
+        """Start new episodes for these robots."""
+        r, count = self.world.randomisation, len(ids)
+        joints = self._default + self._uniform((count, 12), -1, 1) * r.initial_joint
+        twist = self._uniform((count, 6), -1, 1) * r.initial_velocity
+        self.simulation.place(ids, joints, torch.full((count,), PLACING_HEIGHT), twist)
+        self._draw_commands(ids)
+        self.episode_length_buf[ids] = 0
+        self.state[ids] = self.table.start
+        self.phi[ids] = 0
+        for flags in (self.down, self.touching, self._touched_before):
+            flags[ids] = True
+        self.clear[ids] = False
+        self.label[ids] = label.NUM_LABELS - 1
+        for memory in (self._air_time, self._last_action, self._last_joint_velocity):
+            memory[ids] = 0.0
+        self._dwell_reward[ids] = 0.0
+
+    def _draw_commands(self, ids: Tensor) -> None:
+        ranges, count = self.table.commands, (len(ids),)
+        low, high = ranges.frequency
+        self.command[ids, 0] = self._uniform(count, *ranges.vx)
+        self.command[ids, 1] = self._uniform(count, *ranges.wz)
+        self.command[ids, 2] = torch.randint(
+            round(low), round(high) + 1, count, generator=self.generator
+        ).float()
+        self._rate[ids] = transition_rate(self.table, self.command[ids, 2])
+
+    # -- observations -------------------------------------------------------------------------
+
+    def _measured(self) -> dict[str, Tensor]:
+        simulation = self.simulation
+        return {
+            "rm_state": self._one_hot[self.state],
+            "phi": self.phi[:, None].float(),
+            "joint_position": simulation.joint_position - self._default,
+            "joint_velocity": simulation.joint_velocity,
+            "last_action": self._last_action,
+            "command_vx": self.command[:, 0:1],
+            "command_wz": self.command[:, 1:2],
+            "command_frequency": self.command[:, 2:3],
+            "projected_gravity": simulation.projected_gravity,
+            "angular_velocity": simulation.angular_velocity,
+        }
+
+    def _with_noise(self, true: dict[str, Tensor]) -> dict[str, Tensor]:
+        noise = self.world.randomisation.noise
+        widths = {name: getattr(noise, name) for name in noise.__dataclass_fields__}
+        noisy = {name: true[name] + self._uniform(true[name].shape, -1, 1) * width
+                 for name, width in widths.items()}  # fmt: skip
+        return true | noisy
+
+    def _assemble(self, parts: dict[str, Tensor]) -> Tensor:
+        out = torch.empty(self.num_envs, observation.size(self.layout))
+        return observation.write(out, self.layout, parts)
+
+    def _estimate_targets(self) -> Tensor:
+        return torch.cat([self.simulation.base_velocity, self.simulation.foot_height], dim=1)
+
+    def _estimate_scales(self) -> Tensor:
+        return torch.cat([torch.full((f.size,), f.scale) for f in observation.ESTIMATES])
+
+    # -- bookkeeping --------------------------------------------------------------------------
+
+    def _count(
+        self, step: machine.Step, explained: Tensor, walk: Tensor, done: Tensor, ended: Tensor
+    ) -> None:
+        simulation, tally = self.simulation, self._tally
+        power = (simulation.torque * simulation.joint_velocity).abs().sum()
+        tally.steps += self.num_envs
+        tally.transitions += float(step.advanced.sum())
+        tally.allowed += float(self._rate.sum())
+        tally.off_spec += float((~explained).sum())
+        tally.vx_error += float((self.command[:, 0] - simulation.base_velocity[:, 0]).abs().sum())
+        tally.wz_error += float((self.command[:, 1] - simulation.angular_velocity[:, 2]).abs().sum())
+        tally.energy += float(power) * self.dt
+        tally.distance += float(simulation.base_velocity[:, :2].norm(dim=1).sum()) * self.dt
+        tally.walk_reward += float(walk.sum())
+        tally.episodes += int(done.sum())
+        tally.ends += int(ended.sum())
+        tally.length += float(self.episode_length_buf[done].sum())
+
+    def _uniform(self, shape: tuple[int, ...], low: float, high: float) -> Tensor:
+        return torch.rand(shape, generator=self.generator) * (high - low) + low

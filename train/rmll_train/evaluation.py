@@ -1,0 +1,74 @@
+"""The policy without exploration noise in the trainer's world: its metrics, and the golden trace."""
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from rmll_contract.contract import Trace, float_lists
+from rmll_gaits.table import MachineTable
+from rmll_robots import Robot
+from rmll_train.environment import GaitEnv, Tally
+from rmll_train.network import EstimatingActor
+from rmll_train.settings import Noise, Randomisation, World
+
+TRACE_STEPS = 64
+TRACE_SEED = 7
+
+
+@torch.no_grad()
+def evaluate(actor: EstimatingActor, env: GaitEnv, steps: int) -> Tally:
+    """Walk all robots of ``env`` for ``steps`` policy steps, after one second that does not count."""
+    for step in range(steps + env.robot.policy_hz):
+        if step == env.robot.policy_hz:
+            env.take_tally()
+        env.step(actor(env.get_observations()))
+    return env.take_tally()
+
+
+@torch.no_grad()
+def golden_trace(
+    actor: EstimatingActor, table: MachineTable, robot: Robot, world: World
+) -> Trace:
+    """The first steps of an episode: what the robot would sense, and what the trainer answers."""
+    quiet = Randomisation(
+        friction=(0.8, 0.8), added_mass=(0.0, 0.0), push_interval=1e6, initial_joint=0.0,
+        initial_velocity=0.0, noise=Noise(0.0, 0.0, 0.0, 0.0),
+    )  # fmt: skip
+    env = GaitEnv(table, robot, replace(world, envs=1, randomisation=quiet), TRACE_SEED)
+    low, high = table.commands.frequency
+    env.fix_commands(0.5 * table.commands.vx[1], 0.0, round((low + high) / 2))
+    rows = []
+    for _ in range(TRACE_STEPS):
+        obs = env.get_observations()
+        row = _inputs(env)
+        action = actor(obs)
+        row |= {
+            "label": env.label.clone(), "state": env.state.clone(), "phi": env.phi.clone(),
+            "observation": obs["policy"], "estimate": actor.estimate(obs["policy"]),
+            "action": action,
+        }  # fmt: skip
+        env.step(action)
+        row["target"] = env.targets
+        rows.append({name: value[0].clone() for name, value in row.items()})
+        if env.episode_length_buf[0] == 0:  # it fell: a trace of one episode is enough
+            break
+    columns = {name: torch.stack([row[name] for row in rows]) for name in rows[0]}
+    return Trace(**{name: _plain(column) for name, column in columns.items()})
+
+
+def _inputs(env: GaitEnv) -> dict[str, Tensor]:
+    simulation = env.simulation
+    return {
+        "touching": env.touching,
+        "clear": env.clear,
+        "joint_position": simulation.joint_position,
+        "joint_velocity": simulation.joint_velocity,
+        "projected_gravity": simulation.projected_gravity,
+        "angular_velocity": simulation.angular_velocity,
+        "command": env.command,
+    }
+
+
+def _plain(column: Tensor) -> list:
+    return float_lists(column) if column.is_floating_point() else column.tolist()

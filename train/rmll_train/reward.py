@@ -1,0 +1,73 @@
+"""R_walk of the paper, and how a transition multiplies it."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from rmll_train.settings import Rewards
+from rmll_train.simulation import Simulation
+
+AIR_TIME_TARGET = 0.5
+"""[s], legged_gym"""
+SOFT_LIMIT = 0.9
+"""Share of the joint range that costs nothing (legged_gym's soft_dof_pos_limit)"""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What R_walk needs besides the simulation's state; tensors (n, ...)."""
+
+    command: Tensor
+    """vx [m/s], wz [rad/s], ..."""
+    action: Tensor
+    last_action: Tensor
+    last_joint_velocity: Tensor
+    landed_after: Tensor
+    """(n, 4) [s] a foot was in the air before it touched down in this step; 0 if it did not"""
+
+
+def terms(simulation: Simulation, motion: Motion, settings: Rewards, dt: float) -> dict[str, Tensor]:
+    """Weighted terms of R_walk per second, each (n,); the first two are the tracking rewards."""
+    velocity, spin = simulation.base_velocity, simulation.angular_velocity
+    joint_velocity, torque = simulation.joint_velocity, simulation.torque
+    acceleration = (motion.last_joint_velocity - joint_velocity) / dt
+    landed = motion.landed_after
+    moving = (motion.command[:, :2].norm(dim=1) > 0.1).float()
+    air_time = ((landed - AIR_TIME_TARGET) * (landed > 0)).sum(1) * moving
+    raw = {
+        "velocity_x": _track(motion.command[:, 0] - velocity[:, 0], settings.width),
+        "velocity_yaw": _track(motion.command[:, 1] - spin[:, 2], settings.width),
+        "velocity_z": velocity[:, 2].square(),
+        "velocity_y": velocity[:, 1].square(),
+        "angular_velocity_xy": spin[:, :2].square().sum(1),
+        "torque": torque.square().sum(1),
+        "joint_acceleration": acceleration.square().sum(1),
+        "air_time": air_time,
+        "action_rate": (motion.last_action - motion.action).square().sum(1),
+        "joint_limit": _beyond_limits(simulation),
+        "power": (torque * joint_velocity).abs().sum(1),
+    }
+    return {name: value * getattr(settings, name) for name, value in raw.items()}
+
+
+def walking(weighted: dict[str, Tensor], settings: Rewards, dt: float) -> Tensor:
+    """R_walk (n,) >= 0 of one policy step, from :func:`terms`."""
+    values = list(weighted.values())
+    tracking = values[0] + values[1]
+    rest = torch.stack(values[2:]).sum(0)
+    if settings.form == "clip":
+        return (tracking + rest).clamp(min=0) * dt
+    return tracking * rest.clamp(max=0).exp() * dt
+
+
+def _track(error: Tensor, width: float) -> Tensor:
+    return (-error.square() / width).exp()
+
+
+def _beyond_limits(simulation: Simulation) -> Tensor:
+    lower = torch.tensor(simulation.robot.joint_lower, dtype=torch.float32)
+    upper = torch.tensor(simulation.robot.joint_upper, dtype=torch.float32)
+    margin = (upper - lower) * (1 - SOFT_LIMIT) / 2
+    position = simulation.joint_position
+    return ((lower + margin - position).clamp(min=0) + (position - upper + margin).clamp(min=0)).sum(1)

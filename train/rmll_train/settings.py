@@ -1,0 +1,196 @@
+"""Every number of a training run, in one tree of frozen dataclasses, kept as YAML beside the run.
+
+The defaults are what ``rmll-train`` uses; ``paper()`` gives the values of the paper and of its
+authors' code, with our departures turned off.
+"""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+import yaml
+
+from rmll_contract.observation import Profile
+from rmll_gaits.errors import InputError
+
+MAX_FILE_BYTES = 100_000
+
+
+@dataclass(frozen=True)
+class Rewards:
+    """Terms of R_walk: weights of the paper's Table 1, per second."""
+
+    velocity_x: float = 1.0
+    """exp(-(c_x - v_x)^2 / width)"""
+    velocity_yaw: float = 0.5
+    """exp(-(c_w - w_z)^2 / width)"""
+    width: float = 0.25
+    velocity_z: float = -2.0
+    angular_velocity_xy: float = -0.05
+    torque: float = -0.0002
+    joint_acceleration: float = -2.5e-7
+    air_time: float = 1.0
+    """sum of (time in the air - 0.5 s) at touch-down"""
+    action_rate: float = -0.01
+    joint_limit: float = -10.0
+    """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
+    power: float = 0.0
+    """sum |torque x joint velocity| [W]; ours"""
+    velocity_y: float = 0.0
+    """v_y^2; ours"""
+    form: Literal["exp", "clip"] = "exp"
+    """How costs lower the tracking reward: "clip" = max(0, sum of all terms), as in the paper's code.
+    "exp" = tracking x exp(costs), which stays positive, so that the very first transitions of an
+    untrained policy already pay their bonus (Ji et al. 2022)."""
+    bonus: float = 1000.0
+    """b: a transition multiplies the reward of its step"""
+    bonus_on: Literal["dwell", "step"] = "dwell"
+    """What a transition's bonus multiplies: R_walk of its step (the paper), or the mean of R_walk
+    since the last transition, so that the motion between the poses counts as well"""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Half-widths of the uniform noise on observations (legged_gym)."""
+
+    joint_position: float = 0.01
+    joint_velocity: float = 1.5
+    projected_gravity: float = 0.05
+    angular_velocity: float = 0.2
+
+
+@dataclass(frozen=True)
+class Randomisation:
+    """What differs between simulated robots, and what disturbs them."""
+
+    friction: tuple[float, float] = (0.5, 1.25)
+    added_mass: tuple[float, float] = (-1.0, 2.0)
+    """[kg] on the trunk; a real A1 carries a battery and a computer"""
+    push_interval: float = 15.0
+    """[s]"""
+    push_velocity: float = 1.0
+    """[m/s] largest change of the base's velocity along x and along y"""
+    initial_joint: float = 0.1
+    """[rad] around the default pose"""
+    initial_velocity: float = 0.3
+    """[m/s], [rad/s] of the base"""
+    noise: Noise = field(default_factory=Noise)
+
+
+@dataclass(frozen=True)
+class Terminations:
+    """Ends of an episode before its time."""
+
+    base_height: float = 0.25
+    """[m] lower than this"""
+    knee_height: float = 0.03
+    """[m] a knee lower than this: something other than a foot is on the ground"""
+    joint_margin: float = 0.05
+    """[rad] beyond a joint's limit"""
+    action_rate: float = 40.0
+    """sum of |change of action|"""
+    foot_height: float = 0.25
+    """[m] higher than this"""
+
+
+@dataclass(frozen=True)
+class World:
+    """The learning environment."""
+
+    profile: Profile = "imu"
+    envs: int = 1024
+    episode: float = 20.0
+    """[s]"""
+    command_interval: float = 10.0
+    """[s] between two draws of the commands within an episode"""
+    contact_force: float = 1.0
+    """[N]"""
+    clearance: float = 0.03
+    """[m]"""
+    rewards: Rewards = field(default_factory=Rewards)
+    randomisation: Randomisation = field(default_factory=Randomisation)
+    terminations: Terminations = field(default_factory=Terminations)
+
+
+@dataclass(frozen=True)
+class Learner:
+    """PPO and the estimator."""
+
+    steps: int = 12_000_000
+    """environment steps in all"""
+    rollout: int = 24
+    """policy steps a simulation between two updates"""
+    epochs: int = 5
+    mini_batches: int = 4
+    hidden: tuple[int, ...] = (256, 256, 256)
+    learning_rate: float = 1e-3
+    desired_kl: float = 0.01
+    clip: float = 0.2
+    clip_value: bool = False
+    gamma: float = 0.99
+    lam: float = 0.95
+    entropy: float = 0.01
+    initial_std: float = 1.0
+    minimum_std: float = 0.05
+    max_gradient: float = 1.0
+    estimator_hidden: tuple[int, ...] = (128, 128)
+    estimator_rate: float = 1e-3
+    estimator_batches: int = 8
+    normalise_returns: bool = True
+    """divide rewards by a running standard deviation of the discounted return"""
+    bf16: bool = True
+    """matrix products of the update in bfloat16"""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """One run."""
+
+    gait: str = "trot"
+    seed: int = 0
+    world: World = field(default_factory=World)
+    learner: Learner = field(default_factory=Learner)
+
+
+def paper(settings: Settings) -> Settings:
+    """The paper's observation, rewards and learner; what we added is off."""
+    rewards = replace(settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0)
+    world = replace(settings.world, profile="paper", command_interval=settings.world.episode,
+                    rewards=rewards)  # fmt: skip
+    learner = replace(settings.learner, steps=100_000_000, normalise_returns=False, bf16=False,
+                      clip_value=True)  # fmt: skip
+    return replace(settings, world=world, learner=learner)
+
+
+def to_yaml(settings: Settings) -> str:
+    return yaml.safe_dump(msgspec.to_builtins(settings), sort_keys=False)
+
+
+def load(path: Path, base: Settings) -> Settings:
+    """Settings from a YAML file that names only what differs from ``base``."""
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(f"{path}: more than {MAX_FILE_BYTES} bytes")
+        overlay = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+    merged = _merge(msgspec.to_builtins(base), overlay or {}, str(path), "")
+    try:
+        return msgspec.convert(merged, Settings)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _merge(base: dict[str, Any], overlay: Any, source: str, where: str) -> dict[str, Any]:
+    if not isinstance(overlay, dict):
+        raise InputError(f"{source}: {where or 'the file'} is not a mapping")
+    unknown = [key for key in overlay if key not in base]
+    if unknown:
+        name = f"{where}{unknown[0]}"
+        raise InputError(f"{source}: unknown setting {name!r}; known here: {', '.join(base)}")
+    merged = dict(base)
+    for key, value in overlay.items():
+        nested = isinstance(base[key], dict)
+        merged[key] = _merge(base[key], value, source, f"{where}{key}.") if nested else value
+    return merged
