@@ -1,0 +1,1 @@
+"""MuJoCo in the robot's place, on the same datagrams."""

@@ -1,0 +1,123 @@
+"""The emulated robot: datagrams in, physics, datagrams out, and the truth that no robot tells."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from rmll_gaits.errors import Failure
+from rmll_hil.board import Board
+from rmll_hil.sensors import Noise, Sensors
+from rmll_hil.world import STEP_MS, World, load
+from rmll_onboard.a1_wire import BadPacket, decode_command, encode_state
+from rmll_robots import A1, Robot
+
+TRUTH = np.dtype(
+    [
+        ("time_ns", "i8"),
+        ("position", "f8", 3),
+        ("velocity", "f8", 3),
+        ("yaw_rate", "f8"),
+        ("energy", "f8"),
+        ("contact", "?", 4),
+        ("grounded", "?"),
+    ]
+)
+"""A sample of the truth: the caller's clock; the base's position [m] in the world and velocity
+[m/s] in its own frame; yaw rate [rad/s]; the sum of |torque x speed| dt of all joints so far [J];
+which feet touch (FR FL RR RL); whether the base touches the ground."""
+
+TRUTH_MS = 5
+CONTACT_FORCE = 1.0
+"""[N] a foot touches above it, as in the paper's code"""
+SETTLE_MS = 3000
+"""Until a robot has sunk onto its trunk, before its time begins"""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What may differ from one emulated robot to the next."""
+
+    seed: int = 0
+    """Of all randomness: sensor noise, biases, drift."""
+    friction: float = 0.8
+    """Sliding friction coefficient of feet and floor."""
+    action_delay_ms: int = 5
+    """From the arrival of a command to its effect at the joints."""
+    command_timeout_ms: int = 50
+    """Without a command for longer, the joints brake. The A1's own value is not published."""
+
+
+class Emulator:
+    """One robot, lying on the floor with braked joints until it is commanded.
+
+    It has no clock of its own: its time is what :meth:`advance` has added up.
+    """
+
+    def __init__(
+        self, settings: Settings | None = None, noise: Noise | None = None, robot: Robot = A1
+    ) -> None:
+        settings = settings or Settings()
+        self.world: World = load(robot, settings.friction)
+        self.board = Board(self.world, robot, settings.action_delay_ms, settings.command_timeout_ms)
+        self.now_ms = 0
+        self.received = 0
+        self.rejected = 0
+        self.sent = 0
+        self._energy = 0.0
+        self._truth: list[tuple] = []
+        self.advance(SETTLE_MS, -SETTLE_MS * 1_000_000)
+        self.now_ms, self._energy, self._truth = 0, 0.0, []
+        rng = np.random.default_rng(settings.seed)
+        self._sensors = Sensors(self.world, noise or Noise(), rng)
+
+    def receive(self, datagram: bytes) -> bool:
+        """Take a datagram from the network; a bad one is counted and dropped, answer False."""
+        self.received += 1
+        try:
+            command = decode_command(datagram)
+        except BadPacket:
+            self.rejected += 1
+            return False
+        self.board.receive(command, self.now_ms)
+        return True
+
+    def state_datagram(self) -> bytes:
+        """Measure, and return what the board sends."""
+        self.sent += 1
+        return encode_state(self._sensors.read(self.board.mode, self.now_ms))
+
+    def advance(self, milliseconds: int, time_ns: int) -> None:
+        """Let time pass; ``time_ns`` is the caller's clock at the beginning, for the truth.
+
+        Raises Failure if the physics diverges.
+        """
+        world = self.world
+        for passed in range(0, milliseconds, STEP_MS):
+            if self.now_ms % TRUTH_MS == 0:
+                self._truth.append(self._sample(time_ns + passed * 1_000_000))
+            self.board.update(self.now_ms)
+            mujoco.mj_step(world.model, world.data)
+            self._energy += float(np.abs(world.torque * world.dq).sum()) * STEP_MS * 1e-3
+            self.now_ms += STEP_MS
+        if world.data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
+            raise Failure(f"the physics diverged after {self.now_ms} ms")
+
+    def truth(self) -> NDArray[np.void]:
+        """All samples so far, one each 5 ms, of type ``TRUTH``."""
+        return np.array(self._truth, TRUTH)
+
+    def _sample(self, time_ns: int) -> tuple:
+        world = self.world
+        base_to_world = np.empty(9)
+        mujoco.mju_quat2Mat(base_to_world, world.data.qpos[3:7])
+        return (
+            time_ns,
+            world.data.qpos[:3].copy(),
+            world.data.qvel[:3] @ base_to_world.reshape(3, 3),
+            world.data.qvel[5],
+            self._energy,
+            world.foot_load > CONTACT_FORCE,
+            world.base_contact[0] > 0,
+        )

@@ -1,0 +1,93 @@
+"""The emulator as a process of its own, in real time, on a UDP socket."""
+
+import json
+import select
+import signal
+import socket
+import time
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from rmll_gaits.errors import Failure
+from rmll_hil.emulator import Emulator
+
+Reply = Literal["stream", "echo"]
+"""When the board sends its state: at 500 Hz from the first command on, or once a command. Which
+of the two the A1 does is not published."""
+
+PERIOD_MS = 2
+PERIOD_NS = PERIOD_MS * 1_000_000
+LARGEST_LAG_NS = 100_000_000
+"""Lateness up to which missed time is caught up; beyond it the robot's time stood still"""
+LARGEST_DATAGRAM = 2048
+
+
+class Stop:
+    """Set by SIGTERM and SIGINT."""
+
+    def __init__(self) -> None:
+        self.wanted = False
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._set)
+
+    def _set(self, *_: object) -> None:
+        self.wanted = True
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A UDP socket bound to an address; port 0 takes a free one. Raises Failure if it is taken."""
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        sock.bind((host, port))
+    except OSError as error:
+        sock.close()
+        raise Failure(f"cannot listen on {host}:{port}: {error.strerror}") from error
+    return sock
+
+
+def serve(emulator: Emulator, sock: socket.socket, reply: Reply, stop: Stop) -> float:
+    """Run until ``stop``; returns the robot's time over the wall's, from the first command on.
+
+    Nothing is sent before a first command; states then go to whoever sent the last one.
+    """
+    peer = None
+    while peer is None and not stop.wanted:
+        peer = _commands(emulator, sock, time.monotonic_ns() + 100_000_000)
+    started = deadline = time.monotonic_ns()
+    while peer is not None and not stop.wanted:
+        emulator.advance(PERIOD_MS, deadline)
+        deadline += PERIOD_NS
+        if time.monotonic_ns() - deadline > LARGEST_LAG_NS:
+            deadline = time.monotonic_ns()
+        accepted = emulator.received - emulator.rejected
+        peer = _commands(emulator, sock, deadline) or peer
+        if reply == "stream" or emulator.received - emulator.rejected > accepted:
+            sock.sendto(emulator.state_datagram(), peer)
+    return emulator.now_ms * 1e6 / max(time.monotonic_ns() - started, 1)
+
+
+def save(emulator: Emulator, path: Path, realtime_factor: float) -> None:
+    """Write the truth and the counters of a run as .npz."""
+    counters = {
+        "received": emulator.received,
+        "rejected": emulator.rejected,
+        "sent": emulator.sent,
+        "realtime_factor": realtime_factor,
+    }
+    np.savez_compressed(path, truth=emulator.truth(), counters=json.dumps(counters))
+
+
+def _commands(emulator: Emulator, sock: socket.socket, deadline_ns: int) -> tuple[str, int] | None:
+    """Feed datagrams until the deadline; returns the sender of the last good one."""
+    peer = None
+    while True:
+        left = deadline_ns - time.monotonic_ns()
+        if not select.select([sock], [], [], max(left, 0) * 1e-9)[0]:
+            return peer
+        datagram, sender = sock.recvfrom(LARGEST_DATAGRAM)
+        if emulator.receive(datagram):
+            peer = sender
+        if left <= 0:
+            return peer
