@@ -1,0 +1,41 @@
+# Two commands on a fresh machine: `make demo` and `make test`. Both need Python >= 3.11 and pip.
+PYTHON ?= python3
+VENV := .venv
+PIP := $(VENV)/bin/pip install --quiet --disable-pip-version-check -c constraints.txt
+DEMO := hil-runs/demo-$(shell date +%Y%m%d-%H%M%S)
+
+.PHONY: demo test bench lint typecheck setup clean
+
+# What the emulator and the daemon need; no torch.
+demo: $(VENV)/.hil
+	$(VENV)/bin/rmll-hil run --policy policies/trot.onnx --seconds 20 --vx 0.5 --out $(DEMO)
+
+test: setup
+	$(VENV)/bin/pytest
+
+# Timings; run them on an idle machine.
+bench: setup
+	$(VENV)/bin/pytest tests/benchmarks --benchmark-only
+
+lint: setup
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+
+typecheck: setup
+	$(VENV)/bin/pyright
+
+# Everything: training, export, emulator, tests.
+setup: $(VENV)/.dev
+
+$(VENV)/.hil: pyproject.toml constraints.txt
+	test -d $(VENV) || $(PYTHON) -m venv $(VENV)
+	$(PIP) -e '.[hil]'
+	touch $@
+
+$(VENV)/.dev: pyproject.toml constraints.txt
+	test -d $(VENV) || $(PYTHON) -m venv $(VENV)
+	$(PIP) -e '.[dev]'
+	touch $@ $(VENV)/.hil
+
+clean:
+	rm -rf $(VENV) hil-runs

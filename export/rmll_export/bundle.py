@@ -1,0 +1,81 @@
+"""Checkpoint -> bundle: the graph, its contract, and the proof that both do what the learner did."""
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import onnx
+import onnxruntime
+
+from rmll_contract import contract as contracts
+from rmll_contract.contract import Contract
+from rmll_contract.graph_hash import graph_sha256
+from rmll_export.checkpoint import Checkpoint
+from rmll_export.graph import build
+from rmll_gaits.errors import Failure
+
+TOLERANCE = 1e-5
+"""Largest difference between onnxruntime and the learner's network"""
+
+
+def export(checkpoint: Checkpoint, path: Path) -> float:
+    """Write the bundle to ``path``; returns the largest difference from the learner's answers.
+
+    Nothing is written, and Failure raised, if onnxruntime does not give the learner's answers on its
+    random probes and on the golden trace to within ``TOLERANCE``.
+    """
+    model = build(checkpoint)
+    difference = verify(model.SerializeToString(), checkpoint)
+    if not difference < TOLERANCE:
+        raise Failure(
+            f"{checkpoint.source}: onnxruntime differs from the learner by {difference:.2g}, "
+            f"expected less than {TOLERANCE:.0e}"
+        )
+    unsealed = msgspec.structs.replace(
+        checkpoint.contract, graph_sha256=graph_sha256(model.SerializeToString())
+    )
+    contract = contracts.seal(unsealed)
+    onnx.helper.set_model_props(
+        model, {contracts.KEY: contracts.encode(contract)} | _mjlab_keys(contract)
+    )
+    partial = path.with_name(path.name + ".partial")
+    partial.write_bytes(model.SerializeToString())
+    partial.replace(path)
+    return difference
+
+
+def verify(model: bytes, checkpoint: Checkpoint) -> float:
+    """Largest difference between onnxruntime and the learner, on the probes and the golden trace."""
+    session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
+    trace = checkpoint.contract.trace
+    observations = np.vstack([checkpoint.probe_observation, trace.observation])
+    actions = np.vstack([checkpoint.probe_action, trace.action])
+    estimates = np.vstack([checkpoint.probe_estimate, trace.estimate])
+    worst = 0.0
+    for observation, action, estimate in zip(observations, actions, estimates, strict=True):
+        feed = {"observation": observation[None].astype(np.float32)}
+        found_action, found_estimate = session.run(["action", "estimate"], feed)
+        worst = max(
+            worst,
+            float(np.abs(np.asarray(found_action) - action).max()),
+            float(np.abs(np.asarray(found_estimate) - estimate).max()),
+        )
+    return worst
+
+
+def _mjlab_keys(contract: Contract) -> dict[str, str]:
+    """The metadata that mjlab's tools look for, as comma-separated lists."""
+    joints = len(contract.joint_names)
+
+    def listed(values: object) -> str:
+        return ",".join(str(value) for value in values)  # type: ignore[attr-defined]
+
+    return {
+        "joint_names": listed(contract.joint_names),
+        "joint_stiffness": listed([contract.kp] * joints),
+        "joint_damping": listed([contract.kd] * joints),
+        "default_joint_pos": listed(contract.default_pose),
+        "action_scale": listed([contract.action_scale] * joints),
+        "observation_names": listed(field.name for field in contract.observation),
+        "command_names": "vx,wz,frequency",
+    }

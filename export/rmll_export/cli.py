@@ -1,0 +1,65 @@
+"""The ``rmll-export`` command."""
+
+import json
+from pathlib import Path
+
+from rmll_contract import command
+from rmll_export.bundle import export
+from rmll_export.checkpoint import find, read
+from rmll_gaits.errors import InputError
+
+
+def main() -> None:
+    command.run("rmll-export", _export)
+
+
+def _export(
+    gait: str = "",
+    checkpoint: Path | None = None,
+    out: Path | None = None,
+    runs: Path = Path("runs"),
+    policies: Path = Path("policies"),
+    json_: bool = False,
+) -> None:
+    """Export a trained gait as one bundle, and prove it against the learner's network.
+
+    Takes the newest finished run of the gait, else the shipped checkpoint.
+    Example: rmll-export --gait trot          (writes trot.onnx)
+
+    Args:
+        gait: name of the gait.
+        checkpoint: a policy.safetensors to export instead.
+        out: file to write; GAIT.onnx in this folder by default.
+        runs: where rmll-train puts its runs.
+        policies: where the shipped checkpoints are.
+        json_: print one JSON object.
+    """
+    if not gait and checkpoint is None:
+        raise InputError("name a gait (--gait trot) or a file (--checkpoint policy.safetensors)")
+    source = checkpoint or find(gait, runs, policies)
+    trained = read(source)
+    if gait and trained.contract.gait != gait:
+        raise InputError(f"{source}: holds gait {trained.contract.gait!r}, expected {gait!r}")
+    target = out or Path(f"{trained.contract.gait}.onnx")
+    if not target.parent.is_dir():
+        raise InputError(f"{target}: its folder does not exist")
+    difference = export(trained, target)
+    report = {
+        "bundle": str(target),
+        "checkpoint": str(source),
+        "gait": trained.contract.gait,
+        "steps": trained.contract.provenance.get("steps"),
+        "difference_from_learner": difference,
+        "bytes": target.stat().st_size,
+    }
+    if json_:
+        print(json.dumps(report))
+    else:
+        print(
+            f"{target}: {report['gait']} from {source}, {report['bytes'] / 1e6:.2f} MB, "
+            f"within {difference:.1e} of the learner"
+        )
+
+
+if __name__ == "__main__":
+    main()
