@@ -72,6 +72,11 @@ class Emulator:
         rng = np.random.default_rng(settings.seed)
         self._sensors = Sensors(self.world, noise or Noise(), rng)
 
+    @property
+    def accepted(self) -> int:
+        """Good datagrams so far."""
+        return self.received - self.rejected
+
     def receive(self, datagram: bytes) -> bool:
         """Take a datagram from the network; a bad one is counted and dropped, answer False."""
         self.received += 1

@@ -14,8 +14,8 @@ from rmll_gaits.errors import Failure
 from rmll_hil.emulator import Emulator
 
 Reply = Literal["stream", "echo"]
-"""When the board sends its state: at 500 Hz from the first command on, or once a command. Which
-of the two the A1 does is not published."""
+"""When the board sends its state, from the first command on: at 500 Hz, or only in those
+periods of 500 Hz in which a command came. Which of the two the A1 does is not published."""
 
 PERIOD_MS = 2
 PERIOD_NS = PERIOD_MS * 1_000_000
@@ -50,21 +50,23 @@ def listen(host: str, port: int) -> socket.socket:
 def serve(emulator: Emulator, sock: socket.socket, reply: Reply, stop: Stop) -> float:
     """Run until ``stop``; returns the robot's time over the wall's, from the first command on.
 
-    Nothing is sent before a first command; states then go to whoever sent the last one.
+    Nothing is sent and no time passes before a first command; states then go to whoever sent
+    the last one.
     """
     peer = None
-    while peer is None and not stop.wanted:
-        peer = _commands(emulator, sock, time.monotonic_ns() + 100_000_000)
     started = deadline = time.monotonic_ns()
-    while peer is not None and not stop.wanted:
-        emulator.advance(PERIOD_MS, deadline)
+    while not stop.wanted:
         deadline += PERIOD_NS
+        accepted = emulator.accepted
+        peer = _commands(emulator, sock, deadline) or peer
+        if peer is None:
+            started = deadline
+            continue
+        if reply == "stream" or emulator.accepted > accepted:
+            sock.sendto(emulator.state_datagram(), peer)
+        emulator.advance(PERIOD_MS, deadline)
         if time.monotonic_ns() - deadline > LARGEST_LAG_NS:
             deadline = time.monotonic_ns()
-        accepted = emulator.received - emulator.rejected
-        peer = _commands(emulator, sock, deadline) or peer
-        if reply == "stream" or emulator.received - emulator.rejected > accepted:
-            sock.sendto(emulator.state_datagram(), peer)
     return emulator.now_ms * 1e6 / max(time.monotonic_ns() - started, 1)
 
 

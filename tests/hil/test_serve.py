@@ -1,0 +1,108 @@
+import json
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rmll_onboard.a1_wire import MODE_BRAKE, MODE_SERVO, MotorCommand, decode_state, encode_command
+
+BRAKE = encode_command(MotorCommand())
+
+
+@contextmanager
+def server(*flags: str) -> Iterator[tuple[subprocess.Popen, tuple[str, int]]]:
+    """A running ``rmll-hil serve`` and its address."""
+    command = [sys.executable, "-m", "rmll_hil.cli", "serve", "--port", "0", *flags]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        try:
+            assert process.stdout
+            address = process.stdout.readline().decode().split()[-1]
+            host, port = address.rsplit(":", 1)
+            yield process, (host, int(port))
+        finally:
+            process.kill()
+
+
+@pytest.fixture
+def client() -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        sock.settimeout(5)
+        yield sock
+
+
+def receive(client: socket.socket, count: int) -> list:
+    return [decode_state(client.recv(2048)) for _ in range(count)]
+
+
+def test_streams_states_from_the_first_command_on(client: socket.socket, tmp_path: Path) -> None:
+    log = tmp_path / "truth.npz"
+    with server("--log", str(log)) as (process, address):
+        client.settimeout(0.3)
+        client.sendto(b"not a command", address)
+        with pytest.raises(TimeoutError):
+            client.recv(2048)
+        client.settimeout(5)
+        client.sendto(BRAKE, address)
+        states = receive(client, 50)
+        assert set(np.diff([state.tick for state in states])) == {2}
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(10) == 0
+    with np.load(log) as saved:
+        counters = json.loads(str(saved["counters"]))
+        assert (counters["received"], counters["rejected"]) == (2, 1)
+        assert counters["sent"] >= 50
+        assert len(saved["truth"]) >= 50 * 2 / 5
+
+
+def test_echoes_one_state_a_command(client: socket.socket) -> None:
+    with server("--reply", "echo") as (_, address):
+        for _ in range(5):
+            client.sendto(BRAKE, address)
+            receive(client, 1)
+        client.settimeout(0.2)
+        with pytest.raises(TimeoutError):
+            client.recv(2048)
+
+
+def test_the_board_brakes_when_its_commander_falls_silent(client: socket.socket) -> None:
+    with server("--command-timeout-ms", "100") as (_, address):
+        command = MotorCommand(mode=np.full(12, MODE_SERVO, np.uint8))
+        client.sendto(encode_command(command), address)
+        modes = [int(state.mode[0]) for state in receive(client, 100)]
+        assert MODE_SERVO in modes
+        assert modes[-1] == MODE_BRAKE
+
+
+def test_answers_whoever_commanded_last(client: socket.socket) -> None:
+    with server() as (_, address), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        client.sendto(BRAKE, address)
+        receive(client, 1)
+        other.settimeout(5)
+        other.sendto(BRAKE, address)
+        receive(other, 1)
+
+
+def test_a_busy_port_is_one_line() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        command = [sys.executable, "-m", "rmll_hil.cli", "serve", "--port", str(port)]
+        result = subprocess.run(command, capture_output=True, text=True, timeout=30)
+    assert result.returncode == 1
+    assert result.stdout == ""
+    assert result.stderr == (
+        f"rmll-hil: cannot listen on 127.0.0.1:{port}: Address already in use\n"
+    )
+
+
+def test_ctrl_c_ends_a_server_that_nobody_called() -> None:
+    with server() as (process, _):
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) == 0
