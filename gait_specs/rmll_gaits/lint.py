@@ -38,7 +38,8 @@ def _poses(spec: GaitSpec) -> Iterator[str]:
     for labels in demands:
         if all(map(_weakness, labels)):
             label = min(labels)
-            yield f"pose {pose.to_text(label)}: {_weakness(label)}, a robot cannot stand so for long"
+            name, weakness = pose.to_text(label), _weakness(label)
+            yield f"pose {name}: {weakness}, which carries a robot only briefly"
 
 
 def _weakness(label: int) -> str:

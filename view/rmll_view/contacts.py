@@ -1,0 +1,130 @@
+"""Which foot was down when: the paper's foot-contact diagram, expected or measured."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from rmll_gaits.label import FEET
+from rmll_gaits.pose import BITS, PAPER_FEET
+from rmll_gaits.schedule import main_cycle
+from rmll_gaits.table import MachineTable
+from rmll_view.palette import FOOT_COLOURS, HIGHLIGHT, INK, state_colour
+
+Times = NDArray[np.float64]
+Span = tuple[float, float]
+"""From and to [s]"""
+
+_COLUMN = {name: BITS[name].bit_length() - 1 for name in PAPER_FEET}
+
+
+def draw_contacts(
+    axes: Axes, times: Times, down: NDArray[np.bool_], *, highlight: Span | None = None
+) -> None:
+    """Draw a bar per foot wherever it is in contact.
+
+    Args:
+        times: (T,) [s], rising, T at least 1; each sample lasts until the next.
+        down: (T, 4) in contact, feet in the order of ``rmll_gaits.label.FEET``.
+        highlight: a stretch to set off, such as one cycle.
+    """
+    if down.shape != (len(times), len(FEET)):
+        raise ValueError(f"down has shape {down.shape}, expected {(len(times), len(FEET))}")
+    for row, name in enumerate(PAPER_FEET):
+        runs = _runs(times, down[:, _COLUMN[name]])
+        bars = [(start, end - start) for start, end, value in runs if value]
+        axes.broken_barh(bars, (row - 0.36, 0.72), color=FOOT_COLOURS[name], linewidth=0)
+    axes.set_yticks(range(len(PAPER_FEET)), PAPER_FEET)
+    axes.set_ylim(len(PAPER_FEET) - 0.5, -0.5)
+    _finish(axes, times, highlight)
+
+
+def draw_states(
+    axes: Axes, times: Times, states: NDArray[np.int64], names: tuple[str, ...]
+) -> None:
+    """Draw the automaton's state, (T,) indices into ``names``, as a ribbon."""
+    total = _end(times) - times[0]
+    for start, end, state in _runs(times, states):
+        axes.broken_barh([(start, end - start)], (-0.5, 1), color=state_colour(int(state)))
+        if end - start > total / 60:
+            middle = (start + end) / 2
+            axes.text(middle, 0, names[int(state)], ha="center", va="center", size=8, color=INK,
+                      clip_on=True)  # fmt: skip
+    axes.set_yticks([0], ["state"])
+    axes.set_ylim(-0.5, 0.5)
+    _finish(axes, times, None)
+
+
+def contact_figure(
+    path: Path,
+    times: Times,
+    down: NDArray[np.bool_],
+    states: NDArray[np.int64],
+    table: MachineTable,
+    title: str,
+    *,
+    window: float = 3.0,
+) -> None:
+    """Save contacts and states as a picture, one full cycle of the gait set off.
+
+    Shown are ``window`` seconds around the full cycle nearest to the middle of the log. Arrays
+    as in :func:`draw_contacts` and :func:`draw_states`, T at least 1; the picture's format
+    follows from the suffix of ``path``.
+    """
+    cycle = find_cycle(times, states, table)
+    middle = sum(cycle) / 2 if cycle else (times[0] + times[-1]) / 2
+    shown = np.abs(times - middle) <= window / 2
+    times, down, states = times[shown], down[shown], states[shown]
+    figure = Figure(figsize=(10, 3.4), layout="constrained")
+    upper, lower = figure.subplots(2, sharex=True, height_ratios=(5, 1))
+    figure.suptitle(f"{title}; a cycle takes {cycle[1] - cycle[0]:.2f} s" if cycle else title)
+    draw_contacts(upper, times, down, highlight=cycle)
+    draw_states(lower, times, states, table.states)
+    lower.set_xlabel("time [s]")
+    figure.savefig(path, dpi=150)
+
+
+def find_cycle(times: Times, states: NDArray[np.int64], table: MachineTable) -> Span | None:
+    """A full round of the gait's main cycle near the middle of a log; None without one.
+
+    Args:
+        times: (T,) [s].
+        states: (T,) states of the automaton.
+    """
+    wanted = [phase.state for phase in main_cycle(table)]
+    runs = _runs(times, states)[1:]  # the log may begin in the midst of the first
+    visited = [int(state) for _, _, state in runs]
+    length = len(wanted)
+    rounds = [
+        (runs[i][0], runs[i + length - 1][1])
+        for i in range(len(runs) - length)
+        if visited[i : i + length] == wanted
+    ]
+    middle = (times[0] + times[-1]) / 2
+    return min(rounds, key=lambda span: abs(sum(span) / 2 - middle), default=None)
+
+
+def _runs(times: Times, values: NDArray) -> list[tuple[float, float, int]]:
+    """Stretches of equal values as (from, to, value)."""
+    changes = np.flatnonzero(np.diff(values)) + 1
+    edges = [times[0], *times[changes], _end(times)]
+    held = [int(values[i]) for i in (0, *changes)]
+    return [(float(a), float(b), v) for (a, b), v in zip(pairwise(edges), held, strict=True)]
+
+
+def _end(times: Times) -> float:
+    """When the last sample is over: it lasts as long as the one before."""
+    return float(times[-1] + (times[-1] - times[-2] if len(times) > 1 else 0))
+
+
+def _finish(axes: Axes, times: Times, highlight: Span | None) -> None:
+    if highlight:
+        axes.axvspan(*highlight, color=HIGHLIGHT, zorder=0)
+        for edge in highlight:
+            axes.axvline(edge, color=INK, linestyle="--", linewidth=1)
+    axes.set_xlim(times[0], _end(times))
+    axes.tick_params(length=0)
+    axes.spines[["top", "right", "left"]].set_visible(False)
