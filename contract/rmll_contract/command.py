@@ -8,6 +8,8 @@ import tyro
 
 from rmll_gaits.errors import Failure, InputError
 
+_STYLE = (tyro.conf.FlagCreatePairsOff,)  # --json, without a --no-json beside it
+
 
 def run(prog: str, commands: Callable[..., int | None] | dict[str, Callable[..., Any]]) -> NoReturn:
     """Parse ``sys.argv`` and run one command, or one of several named subcommands.
@@ -17,9 +19,9 @@ def run(prog: str, commands: Callable[..., int | None] | dict[str, Callable[...,
     """
     try:
         if callable(commands):
-            code = tyro.cli(commands, prog=prog)
+            code = tyro.cli(commands, prog=prog, config=_STYLE)
         else:
-            code = tyro.extras.subcommand_cli_from_dict(commands, prog=prog)
+            code = tyro.extras.subcommand_cli_from_dict(commands, prog=prog, config=_STYLE)
     except InputError as error:
         _end(prog, error, 2)
     except (Failure, OSError) as error:

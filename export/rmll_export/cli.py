@@ -1,10 +1,11 @@
 """The ``rmll-export`` command."""
 
-import json
+from json import JSONDecodeError, dumps, loads
 from pathlib import Path
 
 from rmll_contract import command
 from rmll_export.bundle import export
+from rmll_export.card import card as write_card
 from rmll_export.checkpoint import find, read
 from rmll_gaits.errors import InputError
 
@@ -19,7 +20,9 @@ def _export(
     out: Path | None = None,
     runs: Path = Path("runs"),
     policies: Path = Path("policies"),
-    json_: bool = False,
+    card: Path | None = None,
+    hil: Path | None = None,
+    json: bool = False,
 ) -> None:
     """Export a trained gait as one bundle, and prove it against the learner's network.
 
@@ -32,7 +35,9 @@ def _export(
         out: file to write; GAIT.onnx in this folder by default.
         runs: where rmll-train puts its runs.
         policies: where the shipped checkpoints are.
-        json_: print one JSON object.
+        card: also write the policy's card, in Markdown, to this file.
+        hil: summary.json of an rmll-hil run, to be shown on the card.
+        json: print one JSON object.
     """
     if not gait and checkpoint is None:
         raise InputError("name a gait (--gait trot) or a file (--checkpoint policy.safetensors)")
@@ -44,6 +49,8 @@ def _export(
     if not target.parent.is_dir():
         raise InputError(f"{target}: its folder does not exist")
     difference = export(trained, target)
+    if card is not None:
+        card.write_text(write_card(trained.contract, target.name, hil and _summary(hil)))
     report = {
         "bundle": str(target),
         "checkpoint": str(source),
@@ -52,13 +59,20 @@ def _export(
         "difference_from_learner": difference,
         "bytes": target.stat().st_size,
     }
-    if json_:
-        print(json.dumps(report))
+    if json:
+        print(dumps(report))
     else:
         print(
             f"{target}: {report['gait']} from {source}, {report['bytes'] / 1e6:.2f} MB, "
             f"within {difference:.1e} of the learner"
         )
+
+
+def _summary(path: Path) -> dict[str, object]:
+    try:
+        return loads(path.read_text())
+    except (OSError, UnicodeDecodeError, JSONDecodeError) as error:
+        raise InputError(f"{path}: not the summary.json of an rmll-hil run: {error}") from error
 
 
 if __name__ == "__main__":

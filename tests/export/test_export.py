@@ -1,0 +1,112 @@
+"""From a checkpoint file to a bundle, and what is refused on the way."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+from safetensors.numpy import load_file, save_file
+
+from rmll_contract import contract as contracts
+from rmll_export.bundle import export
+from rmll_export.checkpoint import find, read
+from rmll_gaits.errors import Failure, InputError
+
+SHIPPED = Path(__file__).parents[2] / "policies"
+
+
+@pytest.fixture
+def checkpoint(tmp_path: Path) -> Path:
+    path = tmp_path / "policy.safetensors"
+    path.write_bytes((SHIPPED / "trot.safetensors").read_bytes())
+    return path
+
+
+def rewrite(path: Path, change) -> None:
+    """Save the file again with changed tensors and the same header."""
+    tensors = load_file(path)
+    header = {contracts.KEY: contracts.encode(read(path).contract)}
+    change(tensors)
+    save_file(tensors, path, metadata=header)
+
+
+def test_the_shipped_bundle_is_the_export_of_the_shipped_checkpoint(tmp_path: Path) -> None:
+    bundle = tmp_path / "trot.onnx"
+    export(read(SHIPPED / "trot.safetensors"), bundle)
+    assert bundle.read_bytes() == (SHIPPED / "trot.onnx").read_bytes()
+
+
+def test_other_tools_find_the_keys_of_mjlab(checkpoint: Path, tmp_path: Path) -> None:
+    bundle = tmp_path / "trot.onnx"
+    export(read(checkpoint), bundle)
+    model = onnx.load(bundle)
+    keys = {prop.key: prop.value for prop in model.metadata_props}
+    assert {"joint_names", "joint_stiffness", "joint_damping", "default_joint_pos", "action_scale",
+            "observation_names", "command_names", "rmll"} == set(keys)  # fmt: skip
+    assert len(keys["joint_stiffness"].split(",")) == 12
+    contract = json.loads(keys["rmll"])
+    # full precision, where mjlab's own keys are rounded by many tools
+    assert [float(x) for x in keys["default_joint_pos"].split(",")] == contract["default_pose"]
+
+
+def test_weights_that_do_not_answer_like_the_learner_are_not_exported(
+    checkpoint: Path, tmp_path: Path
+) -> None:
+    def spoil(tensors) -> None:
+        tensors["policy.0.weight"] = tensors["policy.0.weight"] + np.float32(1e-3)
+
+    rewrite(checkpoint, spoil)
+    with pytest.raises(Failure, match="differs from the learner"):
+        export(read(checkpoint), tmp_path / "trot.onnx")
+    assert not (tmp_path / "trot.onnx").exists()
+
+
+def test_a_missing_tensor_is_named(checkpoint: Path) -> None:
+    rewrite(checkpoint, lambda tensors: tensors.pop("policy.0.bias"))
+    with pytest.raises(InputError, match="policy.0.bias"):
+        read(checkpoint)
+
+
+@pytest.mark.parametrize("content", [b"", b"hello", b"\xff" * 100])
+def test_a_file_that_is_no_checkpoint_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "policy.safetensors"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="not a safetensors file"):
+        read(path)
+
+
+def test_a_truncated_checkpoint_is_refused(checkpoint: Path) -> None:
+    checkpoint.write_bytes(checkpoint.read_bytes()[:-100])
+    with pytest.raises(InputError, match="not a safetensors file"):
+        read(checkpoint)
+
+
+def test_the_newest_finished_run_wins_over_the_shipped_checkpoint(tmp_path: Path) -> None:
+    assert find("trot", tmp_path, SHIPPED) == SHIPPED / "trot.safetensors"
+    for name, finished in (("1", True), ("2", True), ("3", False)):
+        run = tmp_path / "trot" / name
+        run.mkdir(parents=True)
+        (run / "policy.safetensors").touch()
+        if finished:
+            (run / "result.yaml").touch()
+    assert find("trot", tmp_path, SHIPPED) == tmp_path / "trot" / "2" / "policy.safetensors"
+
+
+def test_a_gait_without_a_policy_lists_those_that_have_one(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"'hop'.*there is: .*trot"):
+        find("hop", tmp_path, SHIPPED)
+
+
+def test_the_command_exports_without_torch(tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.modules['torch'] = None; sys.argv = ['rmll-export', '--gait', 'trot', "
+        f"'--json', '--out', {str(tmp_path / 'trot.onnx')!r}, '--policies', {str(SHIPPED)!r}, "
+        f"'--runs', {str(tmp_path / 'runs')!r}]; from rmll_export.cli import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert report["gait"] == "trot" and report["difference_from_learner"] < 1e-5

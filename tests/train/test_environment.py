@@ -1,0 +1,179 @@
+"""The learning environment: what the policy sees, what it earns, and that bad physics is caught."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from rmll_train.environment import GaitEnv
+from rmll_train.settings import Randomisation, Rewards, Settings, World
+
+from rmll_contract import observation
+from rmll_gaits import label, machine
+from rmll_gaits.load import load_gait
+from rmll_gaits.machine import Machine
+from rmll_robots import A1
+
+ENVS = 16
+
+
+def make(gait: str = "trot", seed: int = 0, **world) -> GaitEnv:
+    return GaitEnv(load_gait(gait), A1, World(envs=ENVS, **world), seed)
+
+
+def random_actions(env: GaitEnv, seed: int) -> torch.Tensor:
+    generator = torch.Generator().manual_seed(seed)
+    return torch.randn(env.num_envs, env.num_actions, generator=generator)
+
+
+@pytest.mark.parametrize("gait, states", [("trot", 2), ("walk", 4), ("half_bound", 5)])
+def test_the_paper_profile_has_47_numbers_and_the_states(gait: str, states: int) -> None:
+    env = make(gait, profile="paper")
+    groups = env.get_observations()
+    estimates = observation.size(observation.ESTIMATES)
+    assert groups["policy"].shape == (ENVS, 47 + states - estimates)
+    assert groups["estimate"].shape == (ENVS, estimates)
+
+
+def test_the_actor_sees_no_true_velocity() -> None:
+    names = {field.name for field in make().layout}
+    assert not names & {"velocity", "base_velocity", "foot_height"}
+
+
+def test_one_seed_gives_one_world() -> None:
+    first, second = make(seed=3), make(seed=3)
+    for step in range(40):
+        action = random_actions(first, step)
+        a, b = first.step(action), second.step(action)
+        assert torch.equal(a[0]["policy"], b[0]["policy"])
+        assert torch.equal(a[1], b[1]) and torch.equal(a[2], b[2])
+
+
+def test_another_seed_gives_another_world() -> None:
+    assert not torch.equal(make(seed=1).command, make(seed=2).command)
+
+
+def test_a_saved_world_goes_on_as_if_nothing_had_happened() -> None:
+    env = make(seed=5)
+    for step in range(15):
+        env.step(random_actions(env, step))
+    saved = env.state_dict()
+    expected = [env.step(random_actions(env, 100 + step))[1] for step in range(10)]
+    other = make(seed=99)
+    other.load_state_dict(saved)
+    found = [other.step(random_actions(other, 100 + step))[1] for step in range(10)]
+    # the solver's warm start is part of the state, so the physics agree to rounding
+    assert torch.allclose(torch.stack(found), torch.stack(expected), atol=1e-4)
+
+
+def test_the_automaton_agrees_with_a_numpy_replay_of_its_labels() -> None:
+    env = make("three_one", seed=1)
+    table = Machine.of(env.table)
+    down = np.ones((ENVS, 4), bool)
+    state, phi = np.zeros(ENVS, int), np.zeros(ENVS, int)
+    for count in range(60):
+        age, frequency = env.episode_length_buf.numpy().copy(), env.command[:, 2].numpy().copy()
+        _, _, done, _ = env.step(0.5 * random_actions(env, count))
+        # a finished episode starts anew inside step(): follow only the others
+        down = label.hysteresis(down, env.touching.numpy(), env.clear.numpy())
+        step = machine.step(table, state, phi, label.label(down.astype(int)), frequency, age)
+        going = ~done.numpy()
+        assert np.array_equal(env.state.numpy()[going], step.state[going])
+        assert np.array_equal(env.phi.numpy()[going], step.phi[going])
+        down[~going], state, phi = True, step.state, step.phi
+        state[~going], phi[~going] = env.table.start, 0
+
+
+def test_a_transition_earns_the_bonus_on_its_own_step() -> None:
+    env = make(rewards=Rewards(bonus_on="step", bonus=1000.0))
+    plain = make(rewards=Rewards(bonus_on="step", bonus=1.0))
+    seen = 0
+    for count in range(200):
+        action = random_actions(env, count)
+        before = env.phi.clone()
+        _, with_bonus, done, _ = env.step(action)
+        _, without, _, _ = plain.step(action)
+        advanced = (env.phi == 0) & (before > 0) & ~done
+        seen += int(advanced.sum())
+        assert torch.allclose(with_bonus[advanced], 1000 * without[advanced], rtol=1e-4)
+        waiting = ~advanced & ~done
+        assert torch.allclose(with_bonus[waiting], without[waiting])
+    assert seen > 0
+
+
+@pytest.mark.parametrize("form", ["exp", "clip"])
+def test_rewards_are_never_negative(form: str) -> None:
+    env = make(rewards=Rewards(form=form))
+    for count in range(30):
+        assert env.step(3 * random_actions(env, count))[1].min() >= 0
+
+
+def test_commands_stay_in_the_gaits_ranges() -> None:
+    env = make("walk", seed=4, command_interval=0.1)
+    ranges = env.table.commands
+    for count in range(30):
+        env.step(random_actions(env, count))
+        for column, (low, high) in enumerate((ranges.vx, ranges.wz, ranges.frequency)):
+            assert low <= env.command[:, column].min() and env.command[:, column].max() <= high
+
+
+def test_a_robot_whose_physics_fail_is_reset_counted_and_pays_nothing() -> None:
+    env = make()
+    env.step(torch.zeros(ENVS, 12))
+    env.simulation._qvel[3, 0] = np.nan
+    groups, rewards, done, _ = env.step(torch.zeros(ENVS, 12))
+    assert done[3] and rewards[3] == 0.0
+    assert env.simulation.failures == 1
+    assert all(groups[name].isfinite().all() for name in ("policy", "critic", "estimate"))
+
+
+def test_an_action_that_is_not_finite_does_no_harm() -> None:
+    env = make()
+    groups, rewards, _, _ = env.step(torch.full((ENVS, 12), torch.nan))
+    assert groups["policy"].isfinite().all() and rewards.isfinite().all()
+
+
+def test_a_robot_on_its_back_ends_its_episode() -> None:
+    env = make()
+    env.simulation._qpos[2, 3:7] = [0.0, 1.0, 0.0, 0.0]
+    _, _, done, extras = env.step(torch.zeros(ENVS, 12))
+    assert done[2] and not extras["time_outs"][2]
+
+
+def test_an_episode_that_lasts_is_a_time_out() -> None:
+    still = Randomisation(push_interval=1e6, initial_joint=0.0, initial_velocity=0.0)
+    env = make(episode=0.2, randomisation=still)
+    for _ in range(9):
+        assert not env.step(torch.zeros(ENVS, 12))[2].any()
+    _, _, done, extras = env.step(torch.zeros(ENVS, 12))
+    assert done.all() and extras["time_outs"].all()
+
+
+def test_a_reject_edge_ends_the_episode_without_reward() -> None:
+    # a rear foot on the ground after the grace period sends Half-Bound into its sink
+    env = make("half_bound", randomisation=Randomisation(initial_joint=0.0, initial_velocity=0.0))
+    for count in range(40):
+        age = env.episode_length_buf.clone()
+        _, rewards, done, _ = env.step(torch.zeros(ENVS, 12))
+        if done.any():
+            assert age[done].min() >= 20 and rewards[done].max() == 0.0
+            return
+    pytest.fail("a standing robot was never rejected")
+
+
+def test_robots_differ_in_friction_and_mass_within_the_settings() -> None:
+    settings = Settings().world.randomisation
+    simulation = make().simulation
+    friction = simulation._friction[:, 0, 0]
+    mass = simulation._mass[:, simulation._trunk] - simulation._trunk_mass
+    for values, (low, high) in ((friction, settings.friction), (mass, settings.added_mass)):
+        assert low <= values.min() < values.max() <= high
+
+
+def test_noise_reaches_the_policy_but_not_the_critic() -> None:
+    env = make()
+    first, second = env.get_observations(), env.get_observations()
+    assert not torch.equal(first["policy"], second["policy"])
+    assert torch.equal(first["critic"], second["critic"])
+    quiet = replace(env.world, randomisation=Randomisation())
+    assert quiet.randomisation.noise.joint_velocity == 1.5

@@ -1,0 +1,44 @@
+"""Settings files: exact round trips, and one clear line for what is wrong."""
+
+from pathlib import Path
+
+import pytest
+from rmll_train.settings import Settings, load, paper, to_yaml
+
+from rmll_gaits.errors import InputError
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("settings", [Settings(), paper(Settings(gait="pace", seed=3))])
+def test_a_run_can_be_told_again_from_its_settings_file(tmp_path: Path, settings: Settings) -> None:
+    assert load(write(tmp_path, to_yaml(settings)), Settings()) == settings
+
+
+def test_a_file_names_only_what_differs(tmp_path: Path) -> None:
+    path = write(tmp_path, "world: {rewards: {power: -0.5}}\n")
+    changed = load(path, Settings())
+    assert changed.world.rewards.power == -0.5
+    assert changed.learner == Settings().learner
+
+
+@pytest.mark.parametrize(
+    "text, expected",
+    [
+        ("wrld: {}", "unknown setting 'wrld'; known here: gait, seed, world, learner"),
+        ("world: {rewards: {torqe: 1}}", "unknown setting 'world.rewards.torqe'"),
+        ("world: 3", "world. is not a mapping"),
+        ("learner: {epochs: many}", "epochs"),
+        ("world: {profile: lidar}", "profile"),
+        ("- 1", "is not a mapping"),
+        ("a: [", "cannot be read"),
+    ],
+)
+def test_bad_settings_are_one_clear_line(tmp_path: Path, text: str, expected: str) -> None:
+    with pytest.raises(InputError) as error:
+        load(write(tmp_path, text), Settings())
+    assert expected in str(error.value) and "mine.yaml" in str(error.value)

@@ -1,0 +1,169 @@
+"""Short real runs: what they leave behind, how they stop, and that they go on where they were."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+import yaml
+from rmll_train.checkpoint import load_checkpoint
+from rmll_train.environment import GaitEnv
+from rmll_train.evaluation import golden_trace
+from rmll_train.learner import GaitPPO, ReturnScale
+from rmll_train.settings import Learner, Settings, World
+from rmll_train.training import train
+
+from rmll_export.bundle import export
+from rmll_export.checkpoint import read
+from rmll_gaits.errors import Failure, InputError
+from rmll_gaits.load import load_gait
+from rmll_onboard.bundle import load_bundle
+from rmll_onboard.controller import prove
+from rmll_robots import A1
+
+ENVS, ROLLOUT = 16, 8
+SMALL = Settings(
+    world=World(envs=ENVS),
+    learner=Learner(steps=4 * ENVS * ROLLOUT, rollout=ROLLOUT, epochs=2, mini_batches=2,
+                    hidden=(32, 32), estimator_hidden=(16,), bf16=False),
+)  # fmt: skip
+
+
+def quiet(_: object) -> None:
+    pass
+
+
+def steps(settings: Settings, updates: int) -> Settings:
+    learner = replace(settings.learner, steps=updates * ENVS * ROLLOUT)
+    return replace(settings, learner=learner)
+
+
+def test_a_run_leaves_settings_checkpoint_policy_curves_and_result(tmp_path: Path) -> None:
+    seen = []
+    assert train(tmp_path, SMALL, seen.append, resume=False)
+    assert [progress.steps for progress in seen] == [n * ENVS * ROLLOUT for n in (1, 2, 3, 4)]
+    names = {path.name.split(".")[0] for path in tmp_path.iterdir()}
+    assert names == {"settings", "checkpoint", "policy", "events", "result"}
+    result = yaml.safe_load((tmp_path / "result.yaml").read_text())
+    assert result["steps"] == 4 * ENVS * ROLLOUT and result["seed"] == 0
+    assert 0 <= result["metrics"]["off_spec_contact"] <= 1
+
+
+@pytest.mark.parametrize("profile", ["paper", "imu"])
+@pytest.mark.parametrize("gait", ["trot", "half_bound"])
+def test_from_the_trainer_to_the_robots_controller_nothing_changes(
+    tmp_path: Path, gait: str, profile: str
+) -> None:
+    """Torch in the trainer, onnxruntime and NumPy on the robot: labels, states, observations,
+    estimates, actions and targets agree over a recorded episode."""
+    chosen = replace(SMALL, gait=gait, world=replace(SMALL.world, profile=profile))
+    train(tmp_path, chosen, quiet, resume=False)
+    bundle = tmp_path / "gait.onnx"
+    assert export(read(tmp_path / "policy.safetensors"), bundle) < 1e-5
+    prove(load_bundle(bundle))
+
+
+def test_a_resumed_run_ends_where_an_unbroken_one_does(tmp_path: Path) -> None:
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    train(whole, steps(SMALL, 4), quiet, resume=False)
+    train(broken, steps(SMALL, 2), quiet, resume=False)
+    train(broken, steps(SMALL, 4), quiet, resume=True)
+    expected, found = load_checkpoint(whole), load_checkpoint(broken)
+    assert found["steps"] == expected["steps"]
+    for name, value in expected["learner"]["actor_state_dict"].items():
+        assert torch.allclose(found["learner"]["actor_state_dict"][name], value, atol=1e-4), name
+
+
+def test_one_seed_gives_one_policy(tmp_path: Path) -> None:
+    states = []
+    for name in ("first", "second"):
+        train(tmp_path / name, steps(SMALL, 2), quiet, resume=False)
+        states.append(load_checkpoint(tmp_path / name)["learner"]["actor_state_dict"])
+    assert all(torch.equal(states[0][name], states[1][name]) for name in states[0])
+
+
+def test_ctrl_c_ends_after_the_update_with_a_checkpoint(tmp_path: Path) -> None:
+    call = [sys.executable, "-m", "rmll_train.cli", "--gait", "trot", "--envs", "16",
+            "--runs", str(tmp_path)]  # fmt: skip
+    process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob("trot/*/events*")) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    time.sleep(1.0)
+    os.kill(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    (run,) = tmp_path.glob("trot/*")
+    assert f"--resume {run}" in out
+    assert load_checkpoint(run)["steps"] > 0
+    assert not (run / "result.yaml").exists()
+
+
+def test_a_file_that_is_no_checkpoint_is_refused_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such checkpoint"):
+        load_checkpoint(tmp_path)
+    (tmp_path / "checkpoint.pt").write_bytes(b"cos\nsystem\n(S'true'\ntR.")
+    with pytest.raises(InputError, match=r"checkpoint\.pt: not a checkpoint"):
+        load_checkpoint(tmp_path)
+
+
+def learner() -> GaitPPO:
+    torch.manual_seed(0)
+    return GaitPPO(GaitEnv(load_gait("trot"), A1, SMALL.world, 0), SMALL.learner)
+
+
+def roll_out(ppo: GaitPPO, env: GaitEnv, poison: bool) -> None:
+    obs = env.get_observations()
+    with torch.inference_mode():
+        for _ in range(ROLLOUT):
+            obs, rewards, dones, extras = env.step(ppo.act(obs))
+            ppo.process_env_step(obs, rewards * (torch.nan if poison else 1.0), dones, extras)
+        ppo.compute_returns(obs)
+
+
+def test_an_update_that_gives_nan_is_undone_counted_and_in_the_end_stops() -> None:
+    ppo = learner()
+    ppo.return_scale = None
+    env = GaitEnv(load_gait("trot"), A1, SMALL.world, 0)
+    before = {name: value.clone() for name, value in ppo.actor.state_dict().items()}
+    roll_out(ppo, env, poison=True)
+    ppo.update()
+    assert ppo.rejected_updates == 1
+    assert all(torch.equal(before[name], value) for name, value in ppo.actor.state_dict().items())
+    roll_out(ppo, env, poison=False)
+    ppo.update()
+    assert ppo.rejected_updates == 1
+    with pytest.raises(Failure, match="diverged"):
+        for _ in range(11):
+            roll_out(ppo, env, poison=True)
+            ppo.update()
+
+
+def test_policy_updates_leave_the_estimator_to_its_own_loss() -> None:
+    ppo = learner()
+    ppo.estimator_optimizer = torch.optim.SGD(ppo.actor.estimator.parameters(), lr=0.0)
+    before = [p.clone() for p in ppo.actor.estimator.parameters()]
+    roll_out(ppo, GaitEnv(load_gait("trot"), A1, SMALL.world, 0), poison=False)
+    ppo.update()
+    after = list(ppo.actor.estimator.parameters())
+    assert all(torch.equal(a, b) for a, b in zip(before, after, strict=True))
+
+
+def test_returns_scaled_have_unit_spread() -> None:
+    torch.manual_seed(0)
+    scale = ReturnScale(envs=64, gamma=0.9)
+    never = torch.zeros(64, dtype=torch.bool)
+    for _ in range(2000):
+        scaled = scale(torch.full((64,), 30.0), never)
+    assert scaled.mean() == pytest.approx(0.1, rel=0.05)  # 30 a step is a return of 300
+
+
+def test_the_golden_trace_is_one_episode_from_its_start() -> None:
+    trace = golden_trace(learner().actor, load_gait("trot"), A1, SMALL.world)
+    assert trace.state[0] == 0 and trace.phi[0] == 0 and trace.label[0] == 15
+    assert len({len(getattr(trace, name)) for name in trace.__struct_fields__}) == 1
