@@ -1,0 +1,167 @@
+"""The gait itself: contacts in, automaton and policy stepped, joint targets out.
+
+No clock and no input or output, so the same class walks the robot, proves bundles and replays
+logs. Arrays are in the policy's joint order.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rmll_contract import action, observation
+from rmll_gaits import label, machine
+from rmll_gaits.errors import InputError
+from rmll_gaits.label import FEET
+from rmll_gaits.machine import Machine
+from rmll_onboard.bundle import Bundle
+from rmll_onboard.policy import Policy
+
+TRACE_TOLERANCE = 1e-4
+"""Largest difference from the trainer's answers: other matrix kernels round differently"""
+
+
+class Controller:
+    """One gait. What the last :meth:`step` did can be read from the attributes."""
+
+    def __init__(self, bundle: Bundle) -> None:
+        contract, table = bundle.contract, bundle.table
+        self._fields = contract.observation
+        self._default_pose = np.array(contract.default_pose)
+        self._scale, self._clip = contract.action_scale, contract.action_clip
+        self._machine = Machine.of(table)
+        self._start = table.start
+        ranges = table.commands
+        self._low, self._high = np.array([ranges.vx, ranges.wz, ranges.frequency]).T
+        self._policy = Policy(bundle.session)
+        self._one_hot = np.eye(table.num_states, dtype=np.float32)
+        self.observation = np.zeros(observation.size(self._fields), np.float32)
+        self.estimate = np.zeros(observation.size(contract.estimates), np.float32)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin an episode: the start state, all feet down, no action yet."""
+        self._age = -1
+        self.down = np.ones(len(FEET), bool)
+        self.label = int(label.label(self.down))
+        """Contact label, 0 to 15"""
+        self.state = self._start
+        """State of the automaton, after the step"""
+        self.phi = 0
+        """Policy steps since the last transition"""
+        self.advanced = False
+        """An edge of the gait was taken"""
+        self.off_spec = False
+        """Neither an edge nor a hold of the state before the step explains the label"""
+        self.command = np.zeros(3)
+        """vx [m/s], wz [rad/s], c_f [policy steps], as used: clamped to what was trained"""
+        self.action = np.zeros(self._default_pose.size, np.float32)
+        """As used: clipped"""
+        self.estimate[:] = 0
+        self.target = self._default_pose.copy()
+        """Joint targets [rad]"""
+
+    def step(
+        self,
+        touching: NDArray[np.bool_],
+        clear: NDArray[np.bool_],
+        q: NDArray,
+        dq: NDArray,
+        projected_gravity: NDArray,
+        gyro: NDArray,
+        command: ArrayLike,
+    ) -> NDArray[np.float64]:
+        """One policy step.
+
+        Args:
+            touching, clear: (4,) signals of the labelling function.
+            q, dq: (12,) joint angles [rad] and speeds [rad/s].
+            projected_gravity: (3,) unit vector of gravity, base frame.
+            gyro: (3,) angular velocity [rad/s], base frame.
+            command: (3,) vx [m/s], wz [rad/s], c_f [policy steps].
+
+        Returns:
+            Joint targets [rad] (12,), before any safety limit.
+        """
+        self.command = np.clip(command, self._low, self._high)
+        self.down = label.hysteresis(self.down, touching, clear)
+        self.label = int(label.label(self.down))
+        self._step_machine()
+        vx, wz, frequency = self.command
+        observation.write(
+            self.observation,
+            self._fields,
+            {
+                "rm_state": self._one_hot[self.state],
+                "phi": self.phi,
+                "joint_position": q - self._default_pose,
+                "joint_velocity": dq,
+                "last_action": self.action,
+                "command_vx": vx,
+                "command_wz": wz,
+                "command_frequency": frequency,
+                "projected_gravity": projected_gravity,
+                "angular_velocity": gyro,
+            },
+        )
+        raw, self.estimate = self._policy.run(self.observation)
+        self.action = raw.clip(-self._clip, self._clip)
+        self.target = action.targets(self.action, self._default_pose, self._scale, self._clip)
+        return self.target
+
+    def _step_machine(self) -> None:
+        """Advance the automaton; the first step of an episode only looks.
+
+        The sink is for training. On the robot a label that would lead there is off-spec, and
+        the automaton waits where it is.
+        """
+        self.advanced = self.off_spec = False
+        if self._age >= 0:
+            frequency = self.command[2]
+            outcome = machine.step(
+                self._machine, self.state, self.phi, self.label, frequency, self._age
+            )
+            explained = machine.explained(self._machine, self.state, self.label)
+            self.advanced = bool(outcome.advanced)
+            self.off_spec = bool(outcome.rejected or not explained)
+            self.phi = 0 if self.advanced else self.phi + 1
+            self.state = int(outcome.state) if self.advanced else self.state
+        self._age += 1
+
+
+def prove(bundle: Bundle) -> int:
+    """Replay the golden trace and compare with what the trainer answered.
+
+    Returns the number of steps compared. Raises InputError with the first step and field that
+    differ: this machine, this runtime or this file is not what was trained.
+    """
+    trace = bundle.contract.trace
+    answers = {
+        "label": (trace.label, 0.0),
+        "state": (trace.state, 0.0),
+        "phi": (trace.phi, 0.0),
+        "observation": (trace.observation, TRACE_TOLERANCE),
+        "estimate": (trace.estimate, TRACE_TOLERANCE),
+        "action": (trace.action, TRACE_TOLERANCE),
+        "target": (trace.target, TRACE_TOLERANCE),
+    }
+    inputs = (
+        np.array(trace.touching, bool),
+        np.array(trace.clear, bool),
+        np.array(trace.joint_position),
+        np.array(trace.joint_velocity),
+        np.array(trace.projected_gravity),
+        np.array(trace.angular_velocity),
+        np.array(trace.command),
+    )
+    controller = Controller(bundle)
+    steps = len(trace.label)
+    for row in range(steps):
+        controller.step(*(array[row] for array in inputs))
+        for name, (expected, tolerance) in answers.items():
+            ours, theirs = np.asarray(getattr(controller, name)), np.asarray(expected[row])
+            # written so that NaN counts as a difference
+            if not (np.abs(ours - theirs) <= tolerance).all():
+                raise InputError(
+                    f"{bundle.source}: the golden trace does not reproduce: step {row}, {name}: "
+                    f"got {ours.tolist()}, the trainer had {theirs.tolist()}"
+                )
+    return steps

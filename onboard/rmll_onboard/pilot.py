@@ -1,0 +1,85 @@
+"""Who says what the robot should do: the wireless remote, or the flags of the command line."""
+
+from typing import NamedTuple, Protocol
+
+from rmll_gaits.table import Commands
+from rmll_onboard.remote import Button, Remote
+from rmll_onboard.supervisor import NS, Mode, Request
+
+
+class Orders(NamedTuple):
+    """A pilot's wish at one instant."""
+
+    request: Request | None
+    command: tuple[float, float, float]
+    """vx [m/s], wz [rad/s], c_f [policy steps]"""
+
+
+class Pilot(Protocol):
+    def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
+        """What to do at ``now`` [ns], given the robot's mode and its remote."""
+        ...
+
+    def finished(self, mode: Mode, fault: str | None) -> bool:
+        """Nothing is left to be done: the program may end."""
+        ...
+
+
+REQUESTS = {
+    Button.SELECT: Request.SIT,
+    Button.B: Request.STAND,
+    Button.START: Request.STAND,
+    Button.A: Request.WALK,
+}
+"""The first one that is down counts. START stands the robot up, B ends a walk."""
+
+
+class RemotePilot:
+    """The person with the remote: sticks to the ends are the fastest that was trained."""
+
+    def __init__(self, commands: Commands, frequency: float) -> None:
+        self._commands = commands
+        self._frequency = frequency
+
+    def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
+        pressed = (REQUESTS[button] for button in REQUESTS if button in remote.buttons)
+        request = next(pressed, None)
+        # START must not end a walk, nor B lift a robot from the ground
+        if request is Request.STAND:
+            wanted = Button.START if mode is Mode.DAMPING else Button.B
+            request = request if wanted in remote.buttons else None
+        vx = _scaled(remote.forward, self._commands.vx)
+        wz = _scaled(remote.turn, self._commands.wz)
+        return Orders(request, (vx, wz, self._frequency))
+
+    def finished(self, mode: Mode, fault: str | None) -> bool:
+        return False
+
+
+class FlagPilot:
+    """Stands up, walks with one command for ``seconds`` (None: until stopped), sits down."""
+
+    def __init__(self, command: tuple[float, float, float], seconds: float | None) -> None:
+        self._command = command
+        self._seconds = seconds
+        self._walking_since: int | None = None
+
+    def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
+        if mode is Mode.WALKING and self._walking_since is None:
+            self._walking_since = now
+        if self._walking_since is None:
+            request = {Mode.DAMPING: Request.STAND, Mode.STANDING: Request.WALK}.get(mode)
+        else:
+            walked = now - self._walking_since
+            over = self._seconds is not None and walked >= self._seconds * NS
+            request = Request.SIT if over else None
+        return Orders(request, self._command)
+
+    def finished(self, mode: Mode, fault: str | None) -> bool:
+        walked = self._walking_since is not None
+        return fault is not None or (walked and mode is Mode.DAMPING)
+
+
+def _scaled(share: float, limits: tuple[float, float]) -> float:
+    low, high = limits
+    return share * (high if share > 0 else -low)

@@ -1,0 +1,77 @@
+"""The A1's wireless remote: forty bytes at the end of every LowState.
+
+Layout from unitree_legged_sdk's unitree_joystick.h; the two head bytes are not checked, what a
+real A1 puts there is not documented.
+"""
+
+import math
+import struct
+from dataclasses import dataclass
+from enum import IntFlag, auto
+
+LENGTH = 40
+_LAYOUT = struct.Struct("<2xH5f16x")
+
+
+class Button(IntFlag):
+    """Bits of the buttons that are down, from bit 0 on."""
+
+    NONE = 0
+    R1 = auto()
+    L1 = auto()
+    START = auto()
+    SELECT = auto()
+    R2 = auto()
+    L2 = auto()
+    F1 = auto()
+    F2 = auto()
+    A = auto()
+    B = auto()
+    X = auto()
+    Y = auto()
+    UP = auto()
+    RIGHT = auto()
+    DOWN = auto()
+    LEFT = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Remote:
+    """Buttons and sticks; a stick is -1 to 1, right and up positive."""
+
+    buttons: Button = Button.NONE
+    lx: float = 0.0
+    ly: float = 0.0
+    rx: float = 0.0
+    ry: float = 0.0
+
+    @property
+    def emergency_stop(self) -> bool:
+        """L2 and B together, as on the A1 itself."""
+        return Button.L2 | Button.B in self.buttons
+
+    @property
+    def forward(self) -> float:
+        """Share of the forward speed wanted, -1 to 1: the left stick, up is forward."""
+        return self.ly
+
+    @property
+    def turn(self) -> float:
+        """Share of the turning speed wanted, -1 to 1, left positive: the right stick."""
+        return -self.rx
+
+
+def decode(data: bytes) -> Remote:
+    """Read the remote's forty bytes; a stick that is no number counts as released."""
+    buttons, lx, rx, ry, _l2, ly = _LAYOUT.unpack(data)
+    return Remote(Button(buttons), _stick(lx), _stick(ly), _stick(rx), _stick(ry))
+
+
+def encode(remote: Remote) -> bytes:
+    """Inverse of :func:`decode`."""
+    analog_l2 = float(Button.L2 in remote.buttons)
+    return _LAYOUT.pack(int(remote.buttons), remote.lx, remote.rx, remote.ry, analog_l2, remote.ly)
+
+
+def _stick(value: float) -> float:
+    return min(1.0, max(-1.0, value)) if math.isfinite(value) else 0.0

@@ -1,0 +1,202 @@
+"""What the robot may do at any moment: lie damped, stand up, stand, walk, sit down.
+
+    damping -> standing up -> standing <-> walking
+       ^           |             |            |
+       +-----  sitting down  <---+------------+
+
+Every fault ends in damping and stays there for as long as the process lives. Pure: time, state
+and requests in, motor commands out. Joint arrays are (12,) in the robot's order.
+"""
+
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmll_onboard import attitude
+from rmll_onboard.a1_wire import MODE_SERVO, POS_STOP, MotorCommand, RobotState
+from rmll_onboard.settings import Settings
+from rmll_robots import Robot
+
+Array = NDArray[np.float64]
+
+NS = 1_000_000_000
+# A measurement beyond these [rad], [rad/s] is an error of the sensor
+_ANGLE, _SPEED = 10.0, 100.0
+
+
+class Mode(StrEnum):
+    DAMPING = "damping"
+    STANDING_UP = "standing_up"
+    STANDING = "standing"
+    WALKING = "walking"
+    SITTING_DOWN = "sitting_down"
+
+
+class Request(StrEnum):
+    """What the operator wants."""
+
+    STAND = "stand"
+    WALK = "walk"
+    SIT = "sit"
+
+
+class Supervisor:
+    """Holds the mode and the fault, and turns both into motor commands."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        settings: Settings,
+        walk_pose: Array,
+        walk_gains: tuple[float, float],
+        torque_limit: float,
+    ) -> None:
+        """``walk_pose`` [rad] is where walking starts, ``walk_gains`` are Kp and Kd of the policy;
+        ``torque_limit`` [N·m] is the most that targets and gains may ask of a joint."""
+        self.mode = Mode.DAMPING
+        self.fault: str | None = None
+        self._robot = robot
+        self._settings = settings
+        self._walk_pose = walk_pose
+        self._walk_gains = walk_gains
+        self._torque_limit = torque_limit
+        self._motion = _Motion(0, [(0.0, walk_pose)])
+        self._heard: int | None = None
+        self._command = MotorCommand()
+        self._command.mode[:] = MODE_SERVO
+
+    def update(
+        self, now: int, state: RobotState, fresh: bool, gravity: Array, request: Request | None
+    ) -> Mode:
+        """Check for faults, then change the mode if time or the request says so.
+
+        Args:
+            now: [ns], monotonic.
+            state: the newest one, whatever its age.
+            fresh: it came since the last call.
+            gravity: (3,) unit vector in the base frame, from that state.
+            request: the operator's wish, None for none; what the mode does not allow is ignored.
+        """
+        if fresh:
+            self._heard = now
+        if self._heard is None or self.fault:
+            return self.mode
+        arrived = now >= self._motion.end
+        match self.mode, request:
+            case Mode.DAMPING, Request.STAND:
+                self._stand_up(now, state)
+            case ((Mode.STANDING_UP | Mode.STANDING | Mode.WALKING), Request.SIT):
+                self._move(Mode.SITTING_DOWN, now, state, [self._sit_leg()])
+            case Mode.WALKING, Request.STAND:
+                settle = self._settings.motion.settle, self._walk_pose
+                self._move(Mode.STANDING, now, state, [settle])
+            case Mode.STANDING, Request.WALK if arrived:
+                self.mode = Mode.WALKING
+            case Mode.STANDING_UP, _ if arrived:
+                self.mode = Mode.STANDING
+            case Mode.SITTING_DOWN, _ if arrived:
+                self.mode = Mode.DAMPING
+        if self.mode is not Mode.DAMPING:
+            self._check(now, self._heard, state, gravity)
+        return self.mode
+
+    def trip(self, fault: str) -> None:
+        """Into damping, for good; the first fault is the one that is told."""
+        self.fault = self.fault or fault
+        self.mode = Mode.DAMPING
+
+    def command(self, now: int, state: RobotState, target: Array) -> MotorCommand:
+        """The command of this instant; ``target`` [rad] is the policy's, used while walking.
+
+        The command's arrays are reused by the next call.
+        """
+        if self.mode is Mode.WALKING and not np.isfinite(target).all():
+            self.trip("the policy's joint targets are not finite")
+        if self.mode is Mode.DAMPING:
+            return self.damping()
+        if self.mode is Mode.WALKING:
+            kp, kd = self._walk_gains
+            wanted = target
+        else:
+            kp, kd = self._robot.stand_kp, self._robot.stand_kd
+            if self.mode is Mode.STANDING_UP:
+                kp *= self._motion.ramp(now)
+            wanted = self._motion.at(now)
+        return self._fill(self._safe(wanted, state, kp, kd), kp, kd)
+
+    def damping(self) -> MotorCommand:
+        """The command of a damped robot: no targets, only resistance to motion."""
+        return self._fill(POS_STOP, 0.0, self._robot.damping_kd)
+
+    def _stand_up(self, now: int, state: RobotState) -> None:
+        motion = self._settings.motion
+        legs = [
+            (motion.crouch, self._robot.crouch_pose),
+            (motion.rise, self._robot.stand_pose),
+            (motion.settle, self._walk_pose),
+        ]
+        self._move(Mode.STANDING_UP, now, state, legs)
+
+    def _sit_leg(self) -> tuple[float, Array]:
+        return self._settings.motion.sit, self._robot.crouch_pose
+
+    def _move(
+        self, mode: Mode, now: int, state: RobotState, legs: list[tuple[float, Array]]
+    ) -> None:
+        """Start from where the joints are, not from where they were told to be."""
+        self.mode = mode
+        self._motion = _Motion(now, [(0.0, state.q.copy()), *legs])
+
+    def _check(self, now: int, heard: int, state: RobotState, gravity: Array) -> None:
+        """Trip on the first fault; comparisons are written so that no number trips too."""
+        safety = self._settings.safety
+        roll, pitch = attitude.roll_pitch(gravity)
+        if now - heard > safety.stale_ms * 1e6:
+            self.trip(f"no state from the robot for {(now - heard) / 1e6:.0f} ms")
+        elif not (np.abs(state.q).max() < _ANGLE and np.abs(state.dq).max() < _SPEED):
+            self.trip("joint angles or speeds that no joint can have")
+        elif not (abs(roll) <= safety.roll_limit and abs(pitch) <= safety.pitch_limit):
+            self.trip(f"tilted: roll {roll:.2f} rad, pitch {pitch:.2f} rad")
+
+    def _safe(self, wanted: Array, state: RobotState, kp: float, kd: float) -> Array:
+        """The target nearest to ``wanted`` within joint limits and torque, the torque first."""
+        robot = self._robot
+        damping = kd * state.dq
+        low = state.q + (damping - self._torque_limit) / kp
+        high = state.q + (damping + self._torque_limit) / kp
+        return wanted.clip(robot.joint_lower, robot.joint_upper).clip(low, high)
+
+    def _fill(self, q: Array | float, kp: float, kd: float) -> MotorCommand:
+        command = self._command
+        command.q[:] = q
+        command.kp[:] = kp
+        command.kd[:] = kd
+        return command
+
+
+class _Motion:
+    """A path through poses, starting and ending each leg at rest."""
+
+    def __init__(self, start: int, legs: list[tuple[float, Array]]) -> None:
+        """``legs`` are (seconds to get there, pose), the first one with 0 seconds."""
+        self._times = start + np.cumsum([seconds for seconds, _ in legs]) * NS
+        self._poses = [pose for _, pose in legs]
+        self.end = int(self._times[-1])
+
+    def at(self, now: int) -> Array:
+        """The pose of this instant; after the end, the last one."""
+        leg = int(np.searchsorted(self._times, now, side="right"))
+        if leg >= len(self._poses):
+            return self._poses[-1]
+        before, after = self._poses[leg - 1], self._poses[leg]
+        return before + self._share(leg, now) * (after - before)
+
+    def ramp(self, now: int) -> float:
+        """Share of the first leg that is done, from a little above 0 to 1."""
+        return max(0.01, self._share(1, now))
+
+    def _share(self, leg: int, now: int) -> float:
+        begin, end = self._times[leg - 1], self._times[leg]
+        s = min(1.0, max(0.0, (now - begin) / (end - begin)))
+        return s * s * (3 - 2 * s)
