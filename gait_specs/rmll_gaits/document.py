@@ -83,6 +83,13 @@ class Value:
             raise self.error("found nothing, expected a text")
         return self.node.value
 
+    def line(self) -> str:
+        """A text made one line, without control characters."""
+        line = " ".join(self.text().split())
+        if not line.isprintable():
+            raise self.error(f"found {self.describe()}, expected printable characters")
+        return line
+
     def name(self) -> str:
         """A name: lower-case letters, digits and underscores."""
         text = self.text()
@@ -141,7 +148,7 @@ def read(text: str, source: str) -> Value:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.MarkedYAMLError as error:
         raise InputError(_explain(text, source, error)) from None
-    except yaml.YAMLError as error:  # characters that YAML does not allow
+    except (yaml.YAMLError, ValueError, OverflowError) as error:  # characters that YAML forbids
         raise InputError(f"{source}: not YAML: {' '.join(str(error).split())}") from None
     except RecursionError:
         raise InputError(f"{source}: nested too deeply") from None

@@ -93,16 +93,12 @@ def read_spec(text: str, source: str) -> GaitSpec:
             start = _known(entries["start"], [state.name for state in states])
     return GaitSpec(
         gait=entries["gait"].name(),
-        description=_line(entries["description"]) if "description" in entries else "",
+        description=entries["description"].line() if "description" in entries else "",
         commands=_commands(entries["commands"]),
         start=start,
         states=states,
         source=source,
     )
-
-
-def _line(value: Value) -> str:
-    return " ".join(value.text().split())
 
 
 def _commands(value: Value) -> Commands:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rmll_gaits.label import FEET
 from rmll_gaits.pose import BITS, PAPER_FEET
-from rmll_gaits.schedule import main_cycle
+from rmll_gaits.schedule import POLICY_HZ, main_cycle
 from rmll_gaits.table import MachineTable
 from rmll_view.palette import FOOT_COLOURS, HIGHLIGHT, INK, state_colour
 
@@ -80,7 +80,9 @@ def contact_figure(
     times, down, states = times[shown], down[shown], states[shown]
     figure = Figure(figsize=(10, 3.4), layout="constrained")
     upper, lower = figure.subplots(2, sharex=True, height_ratios=(5, 1))
-    figure.suptitle(f"{title}; a cycle takes {cycle[1] - cycle[0]:.2f} s" if cycle else title)
+    if cycle:
+        title += f"; a cycle takes {cycle[1] - cycle[0]:.2f} s"
+    figure.suptitle(title, parse_math=False)
     draw_contacts(upper, times, down, highlight=cycle)
     draw_states(lower, times, states, table.states)
     lower.set_xlabel("time [s]")
@@ -116,8 +118,8 @@ def _runs(times: Times, values: NDArray) -> list[tuple[float, float, int]]:
 
 
 def _end(times: Times) -> float:
-    """When the last sample is over: it lasts as long as the one before."""
-    return float(times[-1] + (times[-1] - times[-2] if len(times) > 1 else 0))
+    """When the last sample is over: it lasts as long as the one before, or a policy step."""
+    return float(times[-1] + (times[-1] - times[-2] if len(times) > 1 else 1 / POLICY_HZ))
 
 
 def _finish(axes: Axes, times: Times, highlight: Span | None) -> None:

@@ -97,7 +97,7 @@ def show(
 def figure(table: MachineTable, plan: Schedule, title: str) -> Figure:
     """The automaton beside two cycles of expected foot contacts, one of them set off."""
     picture = Figure(figsize=(12, 4.6), layout="constrained")
-    picture.suptitle(title)
+    picture.suptitle(title, parse_math=False)
     panels = picture.subplot_mosaic(
         [["machine", "feet"], ["machine", "states"]], width_ratios=(1, 1.5), height_ratios=(5, 1)
     )
@@ -149,7 +149,7 @@ def _print_report(findings: dict[str, list[Finding]], plans: dict[str, Schedule]
     rows = Table("gait", "period [steps]", "period [s]", *(f"duty {foot}" for foot in PAPER_FEET))
     for gait, plan in plans.items():
         duty = (f"{share:.2f}" for share in plan.duty.values())
-        rows.add_row(gait, str(plan.period_steps), f"{plan.period:.2f}", *duty)
+        rows.add_row(Text(gait), str(plan.period_steps), f"{plan.period:.2f}", *duty)
     console.print(rows)
 
 
