@@ -1,0 +1,1 @@
+"""Gaits and logs for the eye: terminal, SVG, PNG."""
