@@ -41,8 +41,10 @@ def draw_machine(axes: Axes, table: MachineTable) -> None:
     """Draw the automaton; the sink, if there is one, stands in the middle."""
     places = _places(table)
     nodes = [_draw_state(axes, table, state, place) for state, place in enumerate(places)]
+    ring = table.num_states - (table.sink is not None)
     for arc in arcs(table):
-        _draw_arc(axes, arc, nodes, places)
+        apart = abs(arc.source - arc.target)
+        _draw_arc(axes, arc, nodes, places, across=not arc.rejects and 1 < apart < ring - 1)
     _draw_start(axes, places[table.start], nodes[table.start])
     axes.set_aspect("equal")
     axes.update_datalim([(-1.4, -1.4), (1.4, 1.4)])  # one state alone should not fill the picture
@@ -93,7 +95,10 @@ def _draw_start(axes: Axes, place: Point, node: Circle) -> None:
     axes.text(x, y, "start", ha="center", va="center", size=9, color=INK)
 
 
-def _draw_arc(axes: Axes, arc: Arc, nodes: list[Circle], places: list[Point]) -> None:
+def _draw_arc(
+    axes: Axes, arc: Arc, nodes: list[Circle], places: list[Point], *, across: bool
+) -> None:
+    """The arrow and its guard; ``across`` is an arc between states that are no neighbours."""
     start, end = places[arc.source], places[arc.target]
     ends = nodes[arc.source], nodes[arc.target]
     bend = 0.0 if arc.rejects else BEND
@@ -111,7 +116,6 @@ def _draw_arc(axes: Axes, arc: Arc, nodes: list[Circle], places: list[Point]) ->
     # so that they do not all meet in the middle.
     left = np.array([start[1] - end[1], end[0] - start[0]])
     control = (start + end) / 2 + bend * left
-    across = not arc.rejects and 1 < abs(arc.source - arc.target) < len(places) - 1
     t = 0.3 if across else 0.5
     middle = (1 - t) ** 2 * start + 2 * t * (1 - t) * control + t**2 * end
     normal = _unit(left)
