@@ -25,35 +25,33 @@ class Pilot(Protocol):
         ...
 
 
-REQUESTS = {
-    Button.SELECT: Request.SIT,
-    Button.B: Request.STAND,
-    Button.START: Request.STAND,
-    Button.A: Request.WALK,
-}
-"""The first one that is down counts. START stands the robot up, B ends a walk."""
-
-
 class RemotePilot:
-    """The person with the remote: sticks to the ends are the fastest that was trained."""
+    """The person with the remote.
+
+    START stands the robot up, A walks, B ends the walk, SELECT sits down. A stick at its end is
+    the fastest that was trained.
+    """
 
     def __init__(self, commands: Commands, frequency: float) -> None:
         self._commands = commands
         self._frequency = frequency
 
     def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
-        pressed = (REQUESTS[button] for button in REQUESTS if button in remote.buttons)
-        request = next(pressed, None)
-        # START must not end a walk, nor B lift a robot from the ground
-        if request is Request.STAND:
-            wanted = Button.START if mode is Mode.DAMPING else Button.B
-            request = request if wanted in remote.buttons else None
         vx = _scaled(remote.forward, self._commands.vx)
         wz = _scaled(remote.turn, self._commands.wz)
-        return Orders(request, (vx, wz, self._frequency))
+        return Orders(self._request(mode, remote.buttons), (vx, wz, self._frequency))
 
     def finished(self, mode: Mode, fault: str | None) -> bool:
         return False
+
+    def _request(self, mode: Mode, buttons: Button) -> Request | None:
+        if Button.SELECT in buttons:
+            return Request.SIT
+        if mode is Mode.DAMPING:
+            return Request.STAND if Button.START in buttons else None
+        if Button.B in buttons:
+            return Request.STAND
+        return Request.WALK if Button.A in buttons else None
 
 
 class FlagPilot:

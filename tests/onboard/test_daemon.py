@@ -1,0 +1,243 @@
+"""The whole runtime, datagram in and datagram out, on a robot without physics."""
+
+import csv
+import io
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rmll_onboard import a1_wire, remote
+from rmll_onboard.bundle import load_bundle
+from rmll_onboard.daemon import Daemon
+from rmll_onboard.log import Log
+from rmll_onboard.pilot import FlagPilot, RemotePilot
+from rmll_onboard.remote import Button, Remote
+from rmll_robots import A1
+
+WALK = (0.5, 0.0, 8.0)
+
+
+class Lockstep:
+    """A daemon and a robot, a tick each, on a clock of their own."""
+
+    def __init__(self, daemon, robot):
+        self.daemon, self.robot = daemon, robot
+        self.now = 0
+        self.answer = None
+        self.sent = []
+
+    def tick(self, datagram=...):
+        """One period; ``datagram`` replaces what the robot answered."""
+        self.now += self.daemon.period
+        command = self.daemon.tick(self.now, self.answer if datagram is ... else datagram)
+        self.sent.append(command)
+        self.answer = self.robot.answer(command)
+
+    def run(self, seconds):
+        for _ in range(round(seconds * 200)):
+            if self.daemon.finished:
+                break
+            self.tick()
+
+    def until_walking(self):
+        while not self.daemon.policy_ran:
+            assert self.now < 3e9
+            self.tick()
+        return self
+
+
+@pytest.fixture
+def by_flags(bundle, brisk, robot):
+    return Lockstep(Daemon(bundle, brisk, FlagPilot(WALK, 2.0)), robot)
+
+
+@pytest.fixture
+def by_remote(bundle, brisk, robot):
+    pilot = RemotePilot(bundle.table.commands, 9)
+    return Lockstep(Daemon(bundle, brisk, pilot), robot)
+
+
+def test_a_walk_by_flags_from_start_to_end(by_flags, robot):
+    by_flags.run(10)
+    daemon = by_flags.daemon
+    report = daemon.report()
+    assert daemon.finished
+    assert robot.damped
+    assert report["fault"] is None
+    assert report["policy_steps"] == 101
+    assert report["walking_end_ns"] - report["walking_start_ns"] == 2_000_000_000
+    assert report["transitions"] == pytest.approx(report["allowed"], abs=1.5)
+    assert report["adherence"] == pytest.approx(1, abs=0.15)
+    assert report["off_spec_contact"] < 0.15  # all feet down for a step at each change
+    assert (daemon.rejected, daemon.lost) == (0, 0)
+
+
+def test_two_runs_send_the_same_bytes(bundle, brisk, robot):
+    runs = []
+    for _ in range(2):
+        robot.__init__()
+        lockstep = Lockstep(Daemon(bundle, brisk, FlagPilot(WALK, 0.5)), robot)
+        lockstep.run(5)
+        runs.append(lockstep.sent)
+    assert runs[0] == runs[1]
+
+
+def test_targets_follow_the_policy_at_its_rate_and_in_the_robots_order(make_bundle, brisk, robot):
+    names = A1.joint_names[6:] + A1.joint_names[:6]
+    pose = np.array([A1.default_pose[A1.joint_names.index(name)] for name in names])
+    path = make_bundle(joint_names=names, default_pose=tuple(pose.tolist()), action_scale=1e-6)
+    lockstep = Lockstep(Daemon(load_bundle(path), brisk, FlagPilot(WALK, 1.0)), robot)
+    lockstep.until_walking()
+    ran = []
+    for _ in range(40):
+        lockstep.tick()
+        ran.append(lockstep.daemon.policy_ran)
+    assert ran == [False, False, False, True] * 10
+    np.testing.assert_allclose(robot.last.q, A1.default_pose, atol=1e-4)
+
+
+def test_the_remote_leads_through_a_walk(by_remote, robot):
+    def press(buttons, seconds, **sticks):
+        robot.state.remote = remote.encode(Remote(buttons, **sticks))
+        by_remote.run(seconds)
+        return by_remote.daemon.policy_ran, float(robot.last.kp[0])
+
+    assert press(Button.NONE, 0.5)[1] == 0
+    assert press(Button.A, 0.5)[1] == 0  # does not walk from the ground
+    assert press(Button.B, 0.5)[1] == 0  # nor stand up by the button that ends a walk
+    assert press(Button.START, 1.0)[1] == A1.stand_kp
+    assert press(Button.A, 0.5, ly=1.0, rx=-0.5)[1] == A1.kp
+    before = by_remote.daemon.report()
+    assert press(Button.START, 0.5)[1] == A1.kp  # START does not end it
+    assert press(Button.B, 0.5)[1] == A1.stand_kp
+    assert press(Button.SELECT, 0.5)[1] == 0
+    assert robot.damped
+    assert not by_remote.daemon.finished
+    assert by_remote.daemon.report()["policy_steps"] > before["policy_steps"]
+    assert press(Button.START, 1.0)[1] == A1.stand_kp  # and once more
+
+
+@pytest.mark.parametrize("walking", [False, True])
+def test_l2_and_b_stop_for_good(by_remote, robot, walking):
+    if walking:
+        robot.state.remote = remote.encode(Remote(Button.START | Button.A))
+        by_remote.until_walking()
+    robot.state.remote = remote.encode(Remote(Button.L2 | Button.B))
+    by_remote.run(0.02)
+    assert robot.damped
+    assert by_remote.daemon.fault == "emergency stop on the remote"
+    robot.state.remote = remote.encode(Remote(Button.START))
+    by_remote.run(1)
+    assert robot.damped
+
+
+def test_stopping_sits_down_and_finishes(by_flags, robot):
+    by_flags.until_walking()
+    by_flags.daemon.stopping = True
+    by_flags.tick()
+    assert robot.last.kp[0] == A1.stand_kp
+    by_flags.run(1)
+    assert by_flags.daemon.finished
+    assert robot.damped
+
+
+def silence(lockstep):
+    return None
+
+
+def corruption(lockstep):
+    return lockstep.answer[:100] + b"\xff" + lockstep.answer[101:]
+
+
+def fall(lockstep):
+    lockstep.robot.state.quaternion[:] = [np.cos(0.8), np.sin(0.8), 0, 0]
+    return a1_wire.encode_state(lockstep.robot.state)
+
+
+def dead_imu(lockstep):
+    lockstep.robot.state.quaternion[:] = 0
+    return a1_wire.encode_state(lockstep.robot.state)
+
+
+def huge_numbers(lockstep):
+    lockstep.robot.state.dq[:] = 3e38
+    return a1_wire.encode_state(lockstep.robot.state)
+
+
+@pytest.mark.parametrize(
+    ("break_it", "fault"),
+    [
+        (silence, "no state"),
+        (corruption, "no state"),
+        (fall, "tilted: roll 1.60"),
+        (dead_imu, "tilted"),
+        (huge_numbers, "speeds"),
+    ],
+    ids=lambda value: getattr(value, "__name__", value),
+)
+def test_a_fault_while_walking_ends_in_damping(by_flags, robot, break_it, fault):
+    by_flags.until_walking()
+    for _ in range(20):
+        by_flags.tick(break_it(by_flags))
+    assert fault in by_flags.daemon.fault
+    assert robot.damped
+    assert by_flags.daemon.finished  # by flags; with the remote it goes on damping
+
+
+def test_huge_rates_from_the_imu_do_not_reach_the_joints(by_flags, robot):
+    by_flags.until_walking()
+    robot.state.gyro[:] = 3e38
+    for _ in range(20):
+        by_flags.tick()
+        assert np.abs(robot.last.q[robot.last.kp > 0]).max(initial=0) < 5
+
+
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_hostile_datagrams_change_nothing(bundle, brisk, data):
+    daemon = Daemon(bundle, brisk, FlagPilot(WALK, 1.0))
+    good = a1_wire.encode_state(a1_wire.RobotState(quaternion=np.array([1.0, 0, 0, 0])))
+    daemon.tick(0, good)
+    flips = st.tuples(st.integers(0, 763), st.integers(0, 7))
+    hostile = st.binary(max_size=1200) | flips.map(
+        lambda flip: good[: flip[0]] + bytes([good[flip[0]] ^ 1 << flip[1]]) + good[flip[0] + 1 :]
+    )
+    for count in range(5):
+        daemon.tick((count + 1) * daemon.period, data.draw(hostile))
+    assert (daemon.received, daemon.rejected, daemon.lost) == (1, 5, 5)
+
+
+def test_the_log_has_a_row_every_policy_period(bundle, brisk, robot):
+    log = Log(bundle)
+    lockstep = Lockstep(Daemon(bundle, brisk, FlagPilot(WALK, 1.0), log), robot)
+    lockstep.run(10)
+    file = io.StringIO()
+    log.write(file)
+    rows = list(csv.DictReader(io.StringIO(file.getvalue())))
+    modes = [row["mode"] for row in rows]
+    order = list(dict.fromkeys(mode for mode in modes if mode != "standing"))
+    assert order == ["damping", "standing_up", "walking", "sitting_down"]
+    walking = [row for row in rows if row["mode"] == "walking"]
+    assert len(walking) == 51
+    assert {row["vx"] for row in walking} == {"0.5"}
+    assert sum(float(row["advanced"]) for row in walking) == pytest.approx(6, abs=1)
+    for row in walking:
+        down = [int(row[f"down_{foot}"]) for foot in ("FR", "FL", "RR", "RL")]
+        assert sum(bit << foot for foot, bit in enumerate(down)) == int(row["label"])
+    spacing = {int(b["t_ns"]) - int(a["t_ns"]) for a, b in pairwise(walking)}
+    assert spacing == {20_000_000}
+
+
+def test_a_full_log_keeps_the_newest_rows(bundle, brisk, robot):
+    log = Log(bundle, rows=10)
+    Lockstep(Daemon(bundle, brisk, FlagPilot(WALK, 1.0), log), robot).run(10)
+    file = io.StringIO()
+    log.write(file)
+    rows = list(csv.DictReader(io.StringIO(file.getvalue())))
+    times = [int(row["t_ns"]) for row in rows]
+    assert len(rows) == 10
+    assert times == sorted(times)
+    assert rows[-1]["mode"] == "sitting_down"

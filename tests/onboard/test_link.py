@@ -1,0 +1,87 @@
+"""The UDP link over loopback."""
+
+import select
+import socket
+
+import pytest
+
+from rmll_gaits.errors import Failure, InputError
+from rmll_onboard.link import UdpLink
+
+
+@pytest.fixture
+def robot():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as board:
+        board.bind(("127.0.0.1", 0))
+        board.settimeout(2)
+        yield board
+
+
+@pytest.fixture
+def link(robot):
+    link = UdpLink(address_of(robot))
+    yield link
+    link.close()
+
+
+def address_of(robot):
+    return f"127.0.0.1:{robot.getsockname()[1]}"
+
+
+def greet(link, robot):
+    """The robot learns the link's address from its first datagram."""
+    link.send(b"hello")
+    data, address = robot.recvfrom(100)
+    assert data == b"hello"
+    return address
+
+
+def wait(link):
+    assert select.select([link._socket], [], [], 2)[0]
+
+
+def test_the_newest_datagram_counts(link, robot):
+    address = greet(link, robot)
+    assert link.receive() is None
+    for count in range(5):
+        robot.sendto(bytes([count]), address)
+    wait(link)
+    assert link.receive() == b"\x04"
+    assert link.receive() is None
+
+
+def test_strangers_are_not_heard(link, robot):
+    address = greet(link, robot)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        stranger.sendto(b"stranger", address)
+    robot.sendto(b"robot", address)
+    wait(link)
+    assert link.receive() == b"robot"
+    assert link.receive() is None
+
+
+def test_a_robot_that_is_not_there_is_a_loss_and_no_error(robot):
+    address = address_of(robot)
+    robot.close()
+    link = UdpLink(address)
+    for _ in range(5):
+        link.send(b"anyone?")
+        assert link.receive() is None
+    link.close()
+
+
+def test_a_busy_port_is_named(robot):
+    busy = robot.getsockname()[1]
+    with pytest.raises(Failure, match=f"UDP port {busy} is in use"):
+        UdpLink("127.0.0.1:8007", busy)
+
+
+@pytest.mark.parametrize("address", ["", "robot", ":80", "1.2.3.4:", "1.2.3.4:0", "h:99999", "h:x"])
+def test_an_address_that_is_none_is_refused(address):
+    with pytest.raises(InputError, match="expected host:port"):
+        UdpLink(address)
+
+
+def test_an_unknown_host_is_named():
+    with pytest.raises(InputError, match="unknown host"):
+        UdpLink("no..host:8007")

@@ -1,0 +1,57 @@
+"""The wireless remote's forty bytes."""
+
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rmll_onboard import remote
+from rmll_onboard.remote import Button, Remote
+
+sticks = st.floats(-1, 1, width=32)
+
+
+@given(
+    st.builds(
+        Remote,
+        buttons=st.integers(0, 0xFFFF).map(Button),
+        lx=sticks,
+        ly=sticks,
+        rx=sticks,
+        ry=sticks,
+    )
+)
+def test_round_trip(pressed):
+    data = remote.encode(pressed)
+    assert len(data) == remote.LENGTH
+    assert remote.decode(data) == pressed
+
+
+@given(st.binary(min_size=40, max_size=40))
+def test_any_bytes_give_sticks_within_their_range(data):
+    pressed = remote.decode(data)
+    for stick in (pressed.lx, pressed.ly, pressed.rx, pressed.ry, pressed.forward, pressed.turn):
+        assert -1 <= stick <= 1
+
+
+def test_fields_lie_where_the_sdk_puts_them():
+    data = bytearray(40)
+    struct.pack_into("<H", data, 2, 1 << 2 | 1 << 8)
+    for offset, value in ((4, 0.1), (8, 0.2), (12, 0.3), (20, 0.4)):
+        struct.pack_into("<f", data, offset, value)
+    pressed = remote.decode(bytes(data))
+    assert pressed.buttons == Button.START | Button.A
+    assert (pressed.lx, pressed.rx, pressed.ry, pressed.ly) == pytest.approx((0.1, 0.2, 0.3, 0.4))
+
+
+def test_left_stick_up_is_forward_and_right_stick_left_turns_left():
+    pressed = Remote(ly=0.5, rx=-0.25)
+    assert pressed.forward == 0.5
+    assert pressed.turn == 0.25
+
+
+@pytest.mark.parametrize("buttons", [Button.L2, Button.B, Button.L2 | Button.A])
+def test_only_l2_and_b_together_stop(buttons):
+    assert not Remote(buttons).emergency_stop
+    assert Remote(buttons | Button.L2 | Button.B).emergency_stop

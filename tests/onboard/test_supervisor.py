@@ -1,0 +1,226 @@
+"""The safety states."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from rmll_onboard.a1_wire import MODE_SERVO, POS_STOP, RobotState
+from rmll_onboard.settings import Settings
+from rmll_onboard.supervisor import NS, Mode, Request, Supervisor
+from rmll_robots import A1
+
+LEVEL = np.array([0.0, 0.0, -1.0])
+PERIOD = NS // 200
+MOTION = Settings().motion
+
+
+class Bench:
+    """A supervisor, a robot that follows its targets at once, and a clock."""
+
+    def __init__(self, q=A1.crouch_pose):
+        self.supervisor = Supervisor(
+            A1, Settings(), A1.default_pose, (A1.kp, A1.kd), A1.torque_limit
+        )
+        self.state = RobotState(q=np.array(q))
+        self.target = A1.default_pose + 0.1
+        self.gravity = LEVEL
+        self.fresh = True
+        self.now = 0
+
+    def tick(self, request=None):
+        self.now += PERIOD
+        self.supervisor.update(self.now, self.state, self.fresh, self.gravity, request)
+        self.command = self.supervisor.command(self.now, self.state, self.target)
+        if self.command.kp.any():
+            self.state.q[:] = self.command.q
+        return self.supervisor.mode
+
+    def run(self, seconds, request=None):
+        for _ in range(round(seconds * 200)):
+            self.tick(request)
+        return self.supervisor.mode
+
+    def walk(self):
+        """Up to walking; returns itself."""
+        self.run(MOTION.crouch + MOTION.rise + MOTION.settle + 0.1, Request.STAND)
+        self.tick(Request.WALK)
+        assert self.supervisor.mode is Mode.WALKING
+        return self
+
+    @property
+    def damped(self):
+        command = self.command
+        return (
+            (command.mode == MODE_SERVO).all()
+            and not command.kp.any()
+            and not command.tau.any()
+            and (command.q == POS_STOP).all()
+            and (command.kd == A1.damping_kd).all()
+        )
+
+
+def test_it_stands_up_walks_and_sits_down():
+    bench = Bench()
+    assert bench.tick() is Mode.DAMPING
+    assert bench.damped
+    assert bench.tick(Request.STAND) is Mode.STANDING_UP
+    assert bench.run(MOTION.crouch + MOTION.rise) is Mode.STANDING_UP
+    assert bench.run(MOTION.settle + 0.1) is Mode.STANDING
+    np.testing.assert_allclose(bench.state.q, A1.default_pose)
+    assert bench.command.kp[0] == A1.stand_kp
+    assert bench.tick(Request.WALK) is Mode.WALKING
+    assert (bench.command.kp[0], bench.command.kd[0]) == (A1.kp, A1.kd)
+    np.testing.assert_allclose(bench.command.q, bench.target)
+    assert bench.run(1.0) is Mode.WALKING
+    assert bench.tick(Request.SIT) is Mode.SITTING_DOWN
+    assert bench.run(MOTION.sit + 0.1) is Mode.DAMPING
+    np.testing.assert_allclose(bench.state.q, A1.crouch_pose, atol=1e-3)
+    assert bench.damped
+    assert bench.supervisor.fault is None
+
+
+def test_rising_starts_softly_from_the_measured_pose():
+    pose = A1.stand_pose + 0.2
+    bench = Bench(pose)
+    bench.tick(Request.STAND)
+    np.testing.assert_allclose(bench.command.q, pose, atol=1e-3)
+    assert 0 < bench.command.kp[0] < 0.05 * A1.stand_kp
+    poses, gains = [], []
+    while bench.tick() is Mode.STANDING_UP:
+        poses.append(bench.command.q.copy())
+        gains.append(bench.command.kp[0])
+    assert np.abs(np.diff(poses, axis=0)).max() < 0.02
+    assert (np.diff(gains) >= 0).all()
+    assert gains[-1] == A1.stand_kp
+
+
+def test_a_walk_can_end_in_standing_and_go_on():
+    bench = Bench().walk()
+    assert bench.tick(Request.STAND) is Mode.STANDING
+    assert bench.tick(Request.WALK) is Mode.STANDING  # not before the pose is reached
+    bench.run(MOTION.settle)
+    assert bench.tick(Request.WALK) is Mode.WALKING
+
+
+@pytest.mark.parametrize(
+    ("mode", "ignored"),
+    [
+        (Mode.DAMPING, [Request.WALK, Request.SIT]),
+        (Mode.STANDING_UP, [Request.STAND, Request.WALK]),
+        (Mode.STANDING, [Request.STAND]),
+        (Mode.SITTING_DOWN, [Request.STAND, Request.WALK, Request.SIT]),
+    ],
+)
+def test_what_a_mode_does_not_allow_is_ignored(mode, ignored):
+    for request in ignored:
+        bench = Bench()
+        if mode is Mode.STANDING_UP:
+            bench.tick(Request.STAND)
+        if mode in (Mode.STANDING, Mode.SITTING_DOWN):
+            bench.walk().tick(Request.STAND)
+        if mode is Mode.SITTING_DOWN:
+            bench.tick(Request.SIT)
+        assert bench.tick(request) is mode
+
+
+def test_nothing_moves_before_the_robot_was_heard():
+    bench = Bench()
+    bench.fresh = False
+    assert bench.run(1.0, Request.STAND) is Mode.DAMPING
+    assert bench.supervisor.fault is None
+
+
+def stale(bench):
+    bench.fresh = False
+    bench.run(0.06)
+
+
+def roll(bench):
+    bench.gravity = np.array([0.0, -np.sin(1.1), -np.cos(1.1)])
+
+
+def pitch(bench):
+    bench.gravity = np.array([np.sin(1.1), 0.0, -np.cos(1.1)])
+
+
+def no_attitude(bench):
+    bench.gravity = np.full(3, np.nan)
+
+
+def absurd_joint(bench):
+    bench.state.q[3] = 1e30
+
+
+def absurd_speed(bench):
+    bench.state.dq[3] = -1e30
+
+
+def wild_policy(bench):
+    bench.target = np.full(12, np.nan)
+
+
+FAULTS = {
+    stale: "no state from the robot for 5",
+    roll: "tilted: roll 1.10 rad",
+    pitch: "pitch 1.10 rad",
+    no_attitude: "tilted",
+    absurd_joint: "angles or speeds",
+    absurd_speed: "angles or speeds",
+    wild_policy: "targets are not finite",
+}
+
+
+@pytest.mark.parametrize("break_it", FAULTS, ids=lambda fault: fault.__name__)
+def test_a_fault_damps_for_good(break_it):
+    bench = Bench().walk()
+    healthy = bench.state.q.copy()
+    break_it(bench)
+    bench.tick()
+    assert bench.damped
+    assert FAULTS[break_it] in bench.supervisor.fault
+    bench.gravity, bench.fresh, bench.target = LEVEL, True, A1.default_pose
+    bench.state.q[:], bench.state.dq[:] = healthy, 0
+    for request in Request:
+        assert bench.run(0.1, request) is Mode.DAMPING
+        assert bench.damped
+
+
+def test_a_short_gap_is_no_fault():
+    bench = Bench().walk()
+    bench.fresh = False
+    bench.run(0.045)
+    bench.fresh = True
+    assert bench.tick() is Mode.WALKING
+
+
+def test_a_tilted_robot_is_not_lifted():
+    bench = Bench()
+    bench.tick()
+    roll(bench)
+    assert bench.tick(Request.STAND) is Mode.DAMPING
+    assert "tilted" in bench.supervisor.fault
+
+
+def test_the_first_fault_is_the_one_told():
+    bench = Bench().walk()
+    bench.supervisor.trip("first")
+    bench.supervisor.trip("second")
+    assert bench.supervisor.fault == "first"
+
+
+joints = hnp.arrays(np.float64, 12, elements=st.floats(-4, 4))
+
+
+@given(joints, joints.map(lambda a: 5 * a), hnp.arrays(np.float64, 12, elements=st.floats(-9, 9)))
+def test_no_target_asks_for_more_than_the_torque_limit(q, dq, target):
+    bench = Bench().walk()
+    bench.state.q[:], bench.state.dq[:] = q, dq
+    bench.target = target
+    command = bench.supervisor.command(bench.now, bench.state, bench.target)
+    torque = command.kp * (command.q - q) - command.kd * dq
+    assert (np.abs(torque) <= A1.torque_limit + 1e-9).all()
+    reachable = (np.abs(torque) < A1.torque_limit - 1e-9).nonzero()
+    assert (command.q[reachable] >= A1.joint_lower[reachable]).all()
+    assert (command.q[reachable] <= A1.joint_upper[reachable]).all()
