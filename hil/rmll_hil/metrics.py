@@ -1,0 +1,87 @@
+"""The figures of a run, as the words of this project define them."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmll_hil.outcome import Outcome, at, column, times
+from rmll_robots import Robot
+
+GRAVITY = 9.81
+SETTLING_NS = 1_000_000_000
+"""The first second of walking does not count for the velocity errors"""
+
+LEAST_DISTANCE = 0.2
+"""[m]; on a shorter way a robot has swayed, not walked"""
+
+
+def summary(outcome: Outcome, gait: str, robot: Robot) -> dict[str, Any]:
+    """Plain numbers, None where there is nothing to measure.
+
+    ``adherence``: transitions made over transitions that the frequency command allows.
+    ``off_spec_contact``: share of policy steps whose label the automaton cannot explain.
+    ``vx_error`` [m/s], ``wz_error`` [rad/s]: mean absolute error of the true velocity in the
+    base frame after the first second. ``falls``: how often the base touched the ground.
+    ``energy_per_metre`` [J/m]: sum |torque x speed| dt over the way on the ground.
+    ``cost_of_transport``: that over the weight.
+    """
+    report = outcome.report
+    start, end = report["walking_start_ns"], report["walking_end_ns"]
+    walked = start is not None
+    window = _between(outcome.truth, start, end) if walked else outcome.truth[:0]
+    vx_error, wz_error = _velocity_errors(outcome, window)
+    energy = _energy_per_metre(window)
+    return {
+        "gait": gait,
+        "seconds": (end - start) / 1e9 if walked else 0.0,
+        "adherence": report["adherence"],
+        "transitions": report["transitions"],
+        "off_spec_contact": report["off_spec_contact"],
+        "vx_error": vx_error,
+        "wz_error": wz_error,
+        "falls": _falls(outcome, start, end) if walked else 0,
+        "energy_per_metre": energy,
+        "cost_of_transport": None if energy is None else energy / (robot.mass * GRAVITY),
+        "fault": report["fault"],
+        "realtime_factor": outcome.realtime_factor,
+        **{name: report[name] for name in ("tick_us", "wake_us", "rss_mb", "packets")},
+    }
+
+
+def _between(truth: NDArray[np.void], start: int, end: int) -> NDArray[np.void]:
+    return truth[(truth["time_ns"] >= start) & (truth["time_ns"] <= end)]
+
+
+def _velocity_errors(
+    outcome: Outcome, window: NDArray[np.void]
+) -> tuple[float | None, float | None]:
+    if not len(window):
+        return None, None
+    settled = window[window["time_ns"] >= window["time_ns"][0] + SETTLING_NS]
+    if not len(settled):
+        return None, None
+    command = column(outcome.log, "vx", "wz")[at(times(outcome.log), settled["time_ns"])]
+    vx_error = np.abs(settled["velocity"][:, 0] - command[:, 0]).mean()
+    wz_error = np.abs(settled["yaw_rate"] - command[:, 1]).mean()
+    return float(vx_error), float(wz_error)
+
+
+def _falls(outcome: Outcome, start: int, end: int) -> int:
+    """Touches of the ground from the first step on, until the robot sits down on purpose.
+
+    A fault ends in damping, never in sitting down, so what follows it counts.
+    """
+    truth = outcome.truth
+    last = truth["time_ns"][-1] if outcome.report["fault"] else end
+    grounded = _between(truth, start, last)["grounded"]
+    return int((grounded[1:] & ~grounded[:-1]).sum())
+
+
+def _energy_per_metre(window: NDArray[np.void]) -> float | None:
+    steps = np.diff(window["position"][:, :2], axis=0)
+    distance = np.hypot(steps[:, 0], steps[:, 1]).sum()
+    if distance < LEAST_DISTANCE:
+        return None
+    energy = window["energy"][-1] - window["energy"][0]
+    return float(energy / distance)
