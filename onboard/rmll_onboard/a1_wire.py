@@ -201,8 +201,8 @@ def decode_command(datagram: bytes) -> MotorCommand:
 
 def encode_state(state: RobotState) -> bytes:
     """LowState. Integer fields saturate. Raises ValueError if anything is not finite."""
-    _require_finite(state.q, state.dq, state.tau)
-    _require_finite(state.quaternion, state.gyro, state.accelerometer, state.rpy)
+    imu = state.quaternion, state.gyro, state.accelerometer, state.rpy
+    _require_finite(state.q, state.dq, state.tau, *imu)
     packet = np.zeros((), LOW_STATE)
     packet["level"] = LOW_LEVEL
     packet["quaternion"] = state.quaternion
@@ -217,7 +217,7 @@ def encode_state(state: RobotState) -> bytes:
     motor["q"] = state.q
     motor["dq"] = state.dq
     motor["tau"] = _saturated(state.tau * TAU_SCALE)
-    motor["temperature"] = np.clip(state.temperature, -128, 127)
+    motor["temperature"] = state.temperature.clip(-128, 127)
     return _sealed(packet)
 
 
@@ -298,12 +298,12 @@ def _checked(datagram: bytes, kind: np.dtype) -> NDArray[np.void]:
 
 def _saturated(counts: NDArray) -> NDArray:
     # the cast to int16 that follows truncates towards zero, as the SDK does
-    return np.clip(counts, -32768, 32767)
+    return counts.clip(-32768, 32767)
 
 
 def _finite(arrays: tuple[NDArray, ...]) -> bool:
     # also false for what would round to infinity in 32 bits
-    return all((np.abs(array) <= _FLOAT32_MAX).all() for array in arrays)
+    return bool((np.abs(np.concatenate(arrays)) <= _FLOAT32_MAX).all())
 
 
 def _require_finite(*arrays: NDArray) -> None:
