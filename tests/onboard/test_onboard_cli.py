@@ -122,6 +122,18 @@ def test_a_robot_that_does_not_answer(start):
         assert (command.kd > 0).all()
 
 
+def test_a_busy_port_is_named(start, tmp_path):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        busy = other.getsockname()[1]
+        settings = tmp_path / "busy.yaml"
+        settings.write_text(f"link: {{local_port: {busy}}}")
+        process = start("--settings", str(settings), *BY_FLAGS)
+        _, err = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert err == f"rmll-onboard: UDP port {busy} is in use\n"
+
+
 def test_check_tells_what_is_in_the_bundle(start):
     process = start("--check", "--json")
     out, err = process.communicate(timeout=30)
