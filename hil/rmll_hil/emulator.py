@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmll_gaits.errors import Failure
+from rmll_gaits.errors import Failure, InputError
 from rmll_hil.board import Board
 from rmll_hil.sensors import Noise, Sensors
 from rmll_hil.world import STEP_MS, World, load
@@ -48,6 +48,16 @@ class Settings:
     command_timeout_ms: int = 50
     """Without a command for longer, the joints brake. The A1's own value is not published."""
 
+    def check(self) -> None:
+        """Raises InputError for a value below its least one."""
+        least = {"seed": 0, "friction": 0.01, "action_delay_ms": 0, "command_timeout_ms": 1}
+        for name, low in least.items():
+            # written so that NaN is refused too
+            if not getattr(self, name) >= low:
+                raise InputError(
+                    f"{name.replace('_', ' ')} is {getattr(self, name)}, expected at least {low}"
+                )
+
 
 class Emulator:
     """One robot, lying on the floor with braked joints until it is commanded.
@@ -59,6 +69,7 @@ class Emulator:
         self, settings: Settings | None = None, noise: Noise | None = None, robot: Robot = A1
     ) -> None:
         settings = settings or Settings()
+        settings.check()
         self.world: World = load(robot, settings.friction)
         self.board = Board(self.world, robot, settings.action_delay_ms, settings.command_timeout_ms)
         self.now_ms = 0

@@ -43,10 +43,7 @@ def walk(
     ]
     serve = ["rmll_hil.cli", "serve", "--port", "0", "--log", str(truth_path), *robot_flags]
     onboard = ["rmll_onboard.cli", *daemon_flags, "--log", str(log_path), "--json"]
-    # whoever ends us, the processes have to be ended too
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.default_int_handler)
-    with _process(serve) as emulator:
+    with _interruptible(), _process(serve) as emulator:
         with _process([*onboard, "--robot-address", _address(emulator)]) as daemon:
             began = time.monotonic()
             # an emulator that died is noticed by the daemon, as on the robot
@@ -61,6 +58,18 @@ def walk(
     with np.load(truth_path) as saved:
         truth, counters = saved["truth"], json.loads(str(saved["counters"]))
     return Outcome(report, read_log(log_path), truth, counters["realtime_factor"])
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Whoever ends us, the other processes have to be ended too, so it must not be at once."""
+    ends = (signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, signal.default_int_handler) for number in ends]
+    try:
+        yield
+    finally:
+        for number, handler in zip(ends, before, strict=True):
+            signal.signal(number, handler)
 
 
 @contextmanager

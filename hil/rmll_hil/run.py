@@ -37,6 +37,7 @@ def run(
     out: Path | None,
 ) -> None:
     """Arguments as the command's. Raises Failure, after all is printed, if the robot faulted."""
+    settings.check()
     bundle = load_bundle(policy)
     prove(bundle)
     walk = plan(bundle.table.commands, seconds, vx, wz, frequency)

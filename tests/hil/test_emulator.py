@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from rmll_gaits.errors import InputError
 from rmll_hil.emulator import TRUTH_MS, Emulator, Settings
 from rmll_hil.sensors import QUIET
 from rmll_onboard.a1_wire import (
@@ -101,6 +102,14 @@ def test_truth_of_a_moved_robot() -> None:
     sample = emulator.truth()[-1]
     assert sample["time_ns"] == 77
     np.testing.assert_allclose(sample["velocity"], [0.3, 0, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "flag", [{"seed": -1}, {"friction": float("nan")}, {"action_delay_ms": -5}]
+)
+def test_impossible_settings_are_refused(flag: dict) -> None:
+    with pytest.raises(InputError, match="expected at least"):
+        Emulator(Settings(**flag))
 
 
 def test_energy_adds_up_torque_times_speed() -> None:

@@ -1,0 +1,86 @@
+"""A bundle whose policy always answers zero: the robot stands in its default pose."""
+
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from rmll_contract import contract as contracts
+from rmll_contract import observation
+from rmll_contract.contract import Contract, Labels, Trace
+from rmll_contract.graph_hash import graph_sha256
+from rmll_gaits.load import load_gait
+from rmll_robots import A1
+
+
+def standing_policy(inputs: int) -> onnx.ModelProto:
+    nodes, weights, outputs = [], [], []
+    for name, size in (("action", 12), ("estimate", 7)):
+        weights.append(numpy_helper.from_array(np.zeros((inputs, size), np.float32), f"w_{name}"))
+        nodes.append(helper.make_node("MatMul", ["observation", f"w_{name}"], [name]))
+        outputs.append(helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, size]))
+    observed = helper.make_tensor_value_info("observation", TensorProto.FLOAT, [1, inputs])
+    graph = helper.make_graph(nodes, "standing", [observed], outputs, weights)
+    opset = helper.make_opsetid("", 17)
+    return helper.make_model(graph, ir_version=9, opset_imports=[opset])
+
+
+def first_step(layout: observation.Layout, states: int) -> Trace:
+    """The golden trace of one step: all feet down in the default pose, without a command."""
+    pose, zeros, gravity, command = A1.default_pose, np.zeros(12), [0.0, 0.0, -1.0], [0.0, 0.0, 9.0]
+    parts = dict.fromkeys((field.name for field in layout), 0.0)
+    parts |= {"rm_state": np.eye(states)[0], "projected_gravity": gravity, "command_frequency": 9.0}
+    parts = {name: np.asarray(value) for name, value in parts.items()}
+    observed = observation.write(np.zeros(observation.size(layout)), layout, parts)
+    return Trace(
+        touching=[[True] * 4],
+        clear=[[False] * 4],
+        joint_position=[pose.tolist()],
+        joint_velocity=[zeros.tolist()],
+        projected_gravity=[gravity],
+        angular_velocity=[[0.0] * 3],
+        command=[command],
+        label=[15],
+        state=[0],
+        phi=[0],
+        observation=[observed.tolist()],
+        estimate=[[0.0] * 7],
+        action=[zeros.tolist()],
+        target=[pose.tolist()],
+    )
+
+
+@pytest.fixture(scope="session")
+def standing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    table = load_gait("trot")
+    layout = observation.layout("imu", table.num_states)
+    model = standing_policy(observation.size(layout))
+    contract = Contract(
+        format=contracts.FORMAT,
+        gait="trot",
+        table=table.to_dict(),
+        robot="a1",
+        profile="imu",
+        observation=layout,
+        estimates=observation.ESTIMATES,
+        joint_names=A1.joint_names,
+        default_pose=tuple(A1.default_pose.tolist()),
+        kp=A1.kp,
+        kd=A1.kd,
+        action_scale=A1.action_scale,
+        action_clip=A1.action_clip,
+        torque_limit=A1.torque_limit,
+        policy_hz=A1.policy_hz,
+        control_hz=A1.control_hz,
+        labels=Labels(contact_force=1.0, clearance=0.03),
+        provenance={},
+        trace=first_step(layout, table.num_states),
+        graph_sha256=graph_sha256(model.SerializeToString()),
+    )
+    sealed = contracts.encode(contracts.seal(contract))
+    helper.set_model_props(model, {contracts.KEY: sealed})
+    path = tmp_path_factory.mktemp("bundle") / "standing.onnx"
+    path.write_bytes(model.SerializeToString())
+    return path

@@ -1,0 +1,43 @@
+from pathlib import Path
+
+import numpy as np
+
+from rmll_hil import lockstep
+from rmll_hil.emulator import Emulator, Settings
+from rmll_hil.outcome import Outcome
+from rmll_onboard.bundle import load_bundle
+from rmll_onboard.pilot import FlagPilot
+
+
+def stand(bundle: Path, seed: int = 0) -> Outcome:
+    pilot = FlagPilot((0.0, 0.0, 9.0), seconds=1.0)
+    return lockstep.walk(Emulator(Settings(seed=seed)), load_bundle(bundle), pilot, lambda _: None)
+
+
+def test_stands_up_and_lies_down_again(standing: Path) -> None:
+    outcome = stand(standing)
+    # it walks as soon as it stands, so a log at 50 Hz need not see it stand
+    modes = list(dict.fromkeys(row["mode"] for row in outcome.log))
+    modes = [mode for mode in modes if mode != "standing"]
+    assert modes == ["damping", "standing_up", "walking", "sitting_down"]
+    assert outcome.report["fault"] is None
+    height = outcome.truth["position"][:, 2]
+    assert height.max() > 0.28
+    assert height[-1] < 0.15
+    upright = outcome.truth[np.abs(height - height.max()) < 0.02]
+    assert upright["contact"].all(axis=1).mean() > 0.95
+
+
+def test_every_datagram_arrives(standing: Path) -> None:
+    packets = stand(standing).report["packets"]
+    assert packets["rejected"] == packets["lost"] == 0
+    # no state before the first command, and none for the farewell's
+    assert packets["sent"] == packets["received"] + 1 + 100
+
+
+def test_one_seed_one_outcome(standing: Path) -> None:
+    first, again, other = (stand(standing, seed) for seed in (0, 0, 1))
+    assert first.report == again.report
+    assert first.log == again.log
+    np.testing.assert_array_equal(first.truth, again.truth)
+    assert (first.truth["position"] != other.truth["position"]).any()

@@ -1,0 +1,99 @@
+"""Figures of made-up runs whose answers are known."""
+
+import numpy as np
+import pytest
+
+from rmll_hil.emulator import TRUTH
+from rmll_hil.metrics import summary
+from rmll_hil.outcome import Outcome
+from rmll_robots import A1
+
+SECOND = 1_000_000_000
+START, END = 4 * SECOND, 14 * SECOND
+
+
+def walk(fault: str | None = None, walked: bool = True) -> Outcome:
+    """Ten seconds at 0.4 m/s and 0.2 rad/s with 50 W, ordered 0.5 m/s and 0.2 rad/s."""
+    truth = np.zeros(4000, TRUTH)
+    seconds = np.arange(4000) * 0.005
+    truth["time_ns"] = (seconds * SECOND).astype(np.int64)
+    truth["position"][:, 0] = 0.4 * seconds
+    truth["velocity"][:, 0] = 0.4
+    truth["yaw_rate"] = 0.2
+    truth["energy"] = 50 * seconds
+    log = [
+        {"t_ns": str(t), "vx": "0.5", "wz": "0.2", "mode": "walking"}
+        for t in range(START, END + 1, SECOND // 50)
+    ]
+    report = {
+        "walking_start_ns": START if walked else None,
+        "walking_end_ns": END if walked else None,
+        "transitions": 50,
+        "adherence": 0.9,
+        "off_spec_contact": 0.1,
+        "fault": fault,
+        "tick_us": None,
+        "wake_us": None,
+        "rss_mb": None,
+        "packets": {"sent": 1, "received": 1, "rejected": 0, "lost": 0},
+    }
+    return Outcome(report, log, truth, 1.0)
+
+
+def ground(outcome: Outcome, start: float, end: float) -> None:
+    seconds = outcome.truth["time_ns"] / SECOND
+    outcome.truth["grounded"] |= (seconds >= start) & (seconds < end)
+
+
+def test_a_steady_walk() -> None:
+    figures = summary(walk(), "trot", A1)
+    assert figures["gait"] == "trot"
+    assert figures["seconds"] == 10
+    assert figures["vx_error"] == pytest.approx(0.1)
+    assert figures["wz_error"] == pytest.approx(0.0)
+    assert figures["energy_per_metre"] == pytest.approx(50 / 0.4)
+    assert figures["cost_of_transport"] == pytest.approx(50 / 0.4 / (12.453 * 9.81), rel=1e-3)
+    assert (figures["falls"], figures["adherence"], figures["off_spec_contact"]) == (0, 0.9, 0.1)
+
+
+def test_the_first_second_is_not_judged() -> None:
+    outcome = walk()
+    early = outcome.truth["time_ns"] < START + SECOND
+    outcome.truth["velocity"][early, 0] = -9.0
+    assert summary(outcome, "trot", A1)["vx_error"] == pytest.approx(0.1)
+
+
+def test_errors_follow_a_command_that_changes() -> None:
+    outcome = walk()
+    for row in outcome.log:
+        if int(row["t_ns"]) >= 9 * SECOND:
+            row["vx"] = "-0.1"
+    # 4 of 9 judged seconds at 0.1 m/s off, 5 at 0.5 m/s
+    assert summary(outcome, "trot", A1)["vx_error"] == pytest.approx((0.4 + 2.5) / 9, rel=0.01)
+
+
+def test_falls_are_counted_while_walking_only() -> None:
+    outcome = walk()
+    for start, end in [(0.0, 1.0), (6.0, 7.0), (8.0, 8.1), (15.0, 20.0)]:
+        ground(outcome, start, end)
+    assert summary(outcome, "trot", A1)["falls"] == 2
+
+
+def test_a_fall_after_a_fault_counts() -> None:
+    outcome = walk(fault="tilted")
+    ground(outcome, 15.0, 20.0)
+    assert summary(outcome, "trot", A1)["falls"] == 1
+
+
+def test_a_robot_that_never_walked_has_no_figures() -> None:
+    figures = summary(walk(fault="no state", walked=False), "trot", A1)
+    assert figures["seconds"] == 0
+    assert figures["fault"] == "no state"
+    for name in ("vx_error", "wz_error", "energy_per_metre", "cost_of_transport"):
+        assert figures[name] is None
+
+
+def test_swaying_on_the_spot_is_not_walking() -> None:
+    outcome = walk()
+    outcome.truth["position"][:] = 0
+    assert summary(outcome, "trot", A1)["energy_per_metre"] is None
