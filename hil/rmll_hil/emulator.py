@@ -32,7 +32,12 @@ TRUTH_MS = 5
 CONTACT_FORCE = 1.0
 """[N] a foot touches above it, as in the paper's code"""
 SETTLE_MS = 3000
-"""Until a robot has sunk onto its trunk, before its time begins"""
+"""Until a robot has sunk into its rest, before its time begins"""
+_DIVERGED = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
 
 
 @dataclass(frozen=True)
@@ -117,7 +122,7 @@ class Emulator:
             mujoco.mj_step(world.model, world.data)
             self._energy += float(np.abs(world.torque * world.dq).sum()) * STEP_MS * 1e-3
             self.now_ms += STEP_MS
-        if world.data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
+        if any(world.data.warning[kind].number for kind in _DIVERGED):
             raise Failure(f"the physics diverged after {self.now_ms} ms")
 
     def truth(self) -> NDArray[np.void]:

@@ -1,7 +1,9 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from rmll_gaits.errors import InputError
+from rmll_gaits.errors import Failure, InputError
 from rmll_hil.emulator import TRUTH_MS, Emulator, Settings
 from rmll_hil.sensors import QUIET
 from rmll_onboard.a1_wire import (
@@ -119,3 +121,18 @@ def test_energy_adds_up_torque_times_speed() -> None:
     assert (np.diff(energy) >= 0).all()
     # raising 12.45 kg by 0.2 m costs 24 J at the least
     assert 24 < energy[-1] < 150
+
+
+def test_a_base_on_the_ground_is_noticed() -> None:
+    emulator = Emulator()
+    emulator.world.data.qpos[2] = 0.05
+    emulator.advance(2 * TRUTH_MS, 0)
+    assert list(emulator.truth()["grounded"]) == [False, True]
+
+
+def test_diverging_physics_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # MuJoCo leaves a log file where it stands
+    emulator = Emulator()
+    emulator.world.data.qvel[0] = np.nan
+    with pytest.raises(Failure, match="the physics diverged after 1 ms"):
+        emulator.advance(1, 0)
