@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 
 from rmll_hil.emulator import Emulator
-from rmll_hil.outcome import Outcome
+from rmll_hil.outcome import AFTERMATH, Outcome
 from rmll_onboard.bundle import Bundle
 from rmll_onboard.daemon import Daemon
 from rmll_onboard.log import Log
@@ -39,6 +39,8 @@ def walk(
     for _ in range(int(FAREWELL * NS / daemon.period)):
         emulator.receive(daemon.damping())
         emulator.advance(period_ms, emulator.now_ms * 1_000_000)
+    if daemon.fault:
+        emulator.advance(int(AFTERMATH * 1000), emulator.now_ms * 1_000_000)
     wall = time.perf_counter() - began
     packets = {
         "sent": emulator.received,

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from rmll_gaits.table import MachineTable
 
+AFTERMATH = 2.0
+"""[s] that the robot is watched after a fault: a damped one that tips over takes its time"""
+
 
 @dataclass(frozen=True)
 class Outcome:

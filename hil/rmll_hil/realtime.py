@@ -14,7 +14,7 @@ import numpy as np
 
 from rmll_gaits.errors import Failure, InputError
 from rmll_hil.emulator import Settings
-from rmll_hil.outcome import Outcome, read_log
+from rmll_hil.outcome import AFTERMATH, Outcome, read_log
 
 PATIENCE = 8.0
 """[s] for a process to end by itself; sitting down takes about three"""
@@ -51,10 +51,14 @@ def walk(
                 progress(time.monotonic() - began)
                 time.sleep(0.1)
             report = _report(daemon)
+        if report["fault"]:
+            time.sleep(AFTERMATH)
         emulator.terminate()
         _, complaint = emulator.communicate(timeout=PATIENCE)
         if emulator.returncode:
-            raise Failure(f"the emulator: {_reason(complaint)}")
+            raise Failure(
+                f"the emulator ended with exit code {emulator.returncode}: {_reason(complaint)}"
+            )
     with np.load(truth_path) as saved:
         truth, counters = saved["truth"], json.loads(str(saved["counters"]))
     return Outcome(report, read_log(log_path), truth, counters["realtime_factor"])

@@ -4,9 +4,11 @@ import numpy as np
 
 from rmll_hil import lockstep
 from rmll_hil.emulator import Emulator, Settings
+from rmll_hil.metrics import summary
 from rmll_hil.outcome import Outcome
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.pilot import FlagPilot
+from rmll_robots import A1
 
 
 def stand(bundle: Path, seed: int = 0) -> Outcome:
@@ -41,3 +43,17 @@ def test_one_seed_one_outcome(standing: Path) -> None:
     assert first.log == again.log
     np.testing.assert_array_equal(first.truth, again.truth)
     assert (first.truth["position"] != other.truth["position"]).any()
+
+
+def test_a_robot_that_is_knocked_over_has_fallen(standing: Path) -> None:
+    emulator = Emulator()
+
+    def kick(seconds: float) -> None:
+        if seconds > 4:
+            emulator.world.data.qvel[3] = 8.0  # roll
+
+    pilot = FlagPilot((0.0, 0.0, 9.0), seconds=10.0)
+    outcome = lockstep.walk(emulator, load_bundle(standing), pilot, kick)
+    figures = summary(outcome, "trot", A1)
+    assert figures["fault"].startswith("tilted")
+    assert figures["falls"] == 1
