@@ -1,4 +1,4 @@
-"""Checkpoint -> bundle: the graph, its contract, and the proof that both do what the learner did."""
+"""Checkpoint -> bundle: the graph, its contract, and the proof that it answers as the learner."""
 
 from pathlib import Path
 
@@ -21,8 +21,8 @@ TOLERANCE = 1e-5
 def export(checkpoint: Checkpoint, path: Path) -> float:
     """Write the bundle to ``path``; returns the largest difference from the learner's answers.
 
-    Nothing is written, and Failure raised, if onnxruntime does not give the learner's answers on its
-    random probes and on the golden trace to within ``TOLERANCE``.
+    Nothing is written, and Failure raised, if onnxruntime does not give the learner's answers on
+    its random probes and on the golden trace to within ``TOLERANCE``.
     """
     model = build(checkpoint)
     difference = verify(model.SerializeToString(), checkpoint)
@@ -45,7 +45,7 @@ def export(checkpoint: Checkpoint, path: Path) -> float:
 
 
 def verify(model: bytes, checkpoint: Checkpoint) -> float:
-    """Largest difference between onnxruntime and the learner, on the probes and the golden trace."""
+    """Largest difference between onnxruntime and the learner, on the probes and the trace."""
     session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
     trace = checkpoint.contract.trace
     observations = np.vstack([checkpoint.probe_observation, trace.observation])

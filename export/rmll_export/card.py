@@ -19,15 +19,15 @@ def card(contract: Contract, bundle: str, hil: Mapping[str, Any] | None) -> str:
         "seed": origin["seed"],
         "commit": f"`{origin['commit']}`",
         "trained by": f"{origin['trained_by']}, torch {origin['torch']}, MuJoCo {origin['mujoco']}",
-        "failed simulations, undone updates": f"{origin['failed_simulations']}, "
-        f"{origin['rejected_updates']}",
+        "failed simulations, skipped optimiser steps": f"{origin['failed_simulations']}, "
+        f"{origin['skipped_steps']}",
     }
     parts = [
         f"# {contract.gait}\n\nBundle: `{bundle}`. All settings of the run are inside it: "
         f"`rmll-onboard --check --policy {bundle} --json`.\n",
         _table("training", rows),
-        "In the trainer's world, without exploration, over the gait's whole range of commands, with "
-        "noise and pushes:\n",
+        "In the trainer's world, without exploration, over the gait's whole range of commands, "
+        "with noise and pushes:\n",
         _table("metric", {k: f"{v:.3f}" for k, v in origin.get("metrics", {}).items()}),
     ]
     if hil:

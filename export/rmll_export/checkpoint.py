@@ -45,9 +45,11 @@ def find(gait: str, runs: Path, shipped: Path) -> Path:
     path = shipped / f"{gait}.safetensors"
     if path.is_file():
         return path
-    known = sorted({p.stem for p in shipped.glob("*.safetensors")} | {p.name for p in runs.glob("*")})
+    names = {path.stem for path in shipped.glob("*.safetensors")}
+    names |= {path.name for path in runs.glob("*")}
     raise InputError(
-        f"no finished run of {gait!r} in {runs}/ and no {path}; there is: {', '.join(known) or 'none'}"
+        f"no finished run of {gait!r} in {runs}/ and no {path}; "
+        f"there is: {', '.join(sorted(names)) or 'none'}"
     )
 
 

@@ -8,5 +8,5 @@ class InputError(ValueError):
     """
 
 
-class Failure(RuntimeError):  # noqa: N818 - it is the outcome, not a Python error
+class Failure(RuntimeError):
     """The input was fine and the work failed. Commands exit with 1."""

@@ -20,7 +20,9 @@ class Machine(NamedTuple):
     hold: Any
 
     @classmethod
-    def of(cls, table: MachineTable, convert: Callable[[Any], Any] = lambda array: array) -> "Machine":
+    def of(
+        cls, table: MachineTable, convert: Callable[[Any], Any] = lambda array: array
+    ) -> "Machine":
         """``convert`` maps each read-only NumPy array, e.g. to a torch tensor."""
         return cls(*(convert(getattr(table, name)) for name in cls._fields))
 

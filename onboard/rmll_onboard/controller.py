@@ -159,9 +159,12 @@ def prove(bundle: Bundle) -> int:
         for name, (expected, tolerance) in answers.items():
             ours, theirs = np.asarray(getattr(controller, name)), np.asarray(expected[row])
             # written so that NaN counts as a difference
-            if not (np.abs(ours - theirs) <= tolerance).all():
+            differs = ~(np.abs(ours - theirs) <= tolerance)
+            if differs.any():
+                first = int(np.flatnonzero(differs)[0])
                 raise InputError(
-                    f"{bundle.source}: the golden trace does not reproduce: step {row}, {name}: "
-                    f"got {ours.tolist()}, the trainer had {theirs.tolist()}"
+                    f"{bundle.source}: the golden trace does not reproduce: step {row}, "
+                    f"{name}[{first}]: got {ours.flat[first]:.6g}, "
+                    f"the trainer had {theirs.flat[first]:.6g}"
                 )
     return steps

@@ -66,7 +66,7 @@ def test_weights_that_do_not_answer_like_the_learner_are_not_exported(
 
 def test_a_missing_tensor_is_named(checkpoint: Path) -> None:
     rewrite(checkpoint, lambda tensors: tensors.pop("policy.0.bias"))
-    with pytest.raises(InputError, match="policy.0.bias"):
+    with pytest.raises(InputError, match=r"policy\.0\.bias"):
         read(checkpoint)
 
 

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
-from rmll_train.settings import Settings, load, paper, to_yaml
 
 from rmll_gaits.errors import InputError
+from rmll_train.settings import Settings, load, paper, to_yaml
 
 
 def write(tmp_path: Path, text: str) -> Path:

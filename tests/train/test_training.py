@@ -11,12 +11,6 @@ from pathlib import Path
 import pytest
 import torch
 import yaml
-from rmll_train.checkpoint import load_checkpoint
-from rmll_train.environment import GaitEnv
-from rmll_train.evaluation import golden_trace
-from rmll_train.learner import GaitPPO, ReturnScale
-from rmll_train.settings import Learner, Settings, World
-from rmll_train.training import train
 
 from rmll_export.bundle import export
 from rmll_export.checkpoint import read
@@ -25,6 +19,12 @@ from rmll_gaits.load import load_gait
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.controller import prove
 from rmll_robots import A1
+from rmll_train.checkpoint import load_checkpoint
+from rmll_train.environment import GaitEnv
+from rmll_train.evaluation import golden_trace
+from rmll_train.learner import GaitPPO, ReturnScale
+from rmll_train.settings import Learner, Settings, World
+from rmll_train.training import train
 
 ENVS, ROLLOUT = 16, 8
 SMALL = Settings(
@@ -126,32 +126,34 @@ def roll_out(ppo: GaitPPO, env: GaitEnv, poison: bool) -> None:
         ppo.compute_returns(obs)
 
 
-def test_an_update_that_gives_nan_is_undone_counted_and_in_the_end_stops() -> None:
+def test_gradients_that_are_not_finite_are_skipped_counted_and_in_the_end_stop_the_run() -> None:
     ppo = learner()
     ppo.return_scale = None
     env = GaitEnv(load_gait("trot"), A1, SMALL.world, 0)
-    before = {name: value.clone() for name, value in ppo.actor.state_dict().items()}
+    before = {name: value.clone() for name, value in ppo.critic.state_dict().items()}
     roll_out(ppo, env, poison=True)
     ppo.update()
-    assert ppo.rejected_updates == 1
-    assert all(torch.equal(before[name], value) for name, value in ppo.actor.state_dict().items())
+    assert ppo.skipped_steps == SMALL.learner.epochs * SMALL.learner.mini_batches
+    assert all(torch.equal(before[name], value) for name, value in ppo.critic.state_dict().items())
     roll_out(ppo, env, poison=False)
     ppo.update()
-    assert ppo.rejected_updates == 1
+    assert ppo.skipped_steps == SMALL.learner.epochs * SMALL.learner.mini_batches
     with pytest.raises(Failure, match="diverged"):
-        for _ in range(11):
+        for _ in range(10):
             roll_out(ppo, env, poison=True)
             ppo.update()
 
 
 def test_policy_updates_leave_the_estimator_to_its_own_loss() -> None:
     ppo = learner()
-    ppo.estimator_optimizer = torch.optim.SGD(ppo.actor.estimator.parameters(), lr=0.0)
-    before = [p.clone() for p in ppo.actor.estimator.parameters()]
+    ppo.estimator_optimizer.param_groups[0]["lr"] = 0.0
+    before = [p.clone() for p in ppo.policy.estimator.parameters()]
     roll_out(ppo, GaitEnv(load_gait("trot"), A1, SMALL.world, 0), poison=False)
     ppo.update()
-    after = list(ppo.actor.estimator.parameters())
+    after = list(ppo.policy.estimator.parameters())
     assert all(torch.equal(a, b) for a, b in zip(before, after, strict=True))
+    # a gradient left behind would count when PPO clips those of the whole actor
+    assert all(p.grad is None for p in after)
 
 
 def test_returns_scaled_have_unit_spread() -> None:
@@ -164,6 +166,6 @@ def test_returns_scaled_have_unit_spread() -> None:
 
 
 def test_the_golden_trace_is_one_episode_from_its_start() -> None:
-    trace = golden_trace(learner().actor, load_gait("trot"), A1, SMALL.world)
+    trace = golden_trace(learner().policy, load_gait("trot"), A1, SMALL.world)
     assert trace.state[0] == 0 and trace.phi[0] == 0 and trace.label[0] == 15
     assert len({len(getattr(trace, name)) for name in trace.__struct_fields__}) == 1

@@ -59,7 +59,9 @@ def _train(
         chosen = settings_file.paper(Settings()) if preset == "paper" else Settings()
         if settings is not None:
             chosen = settings_file.load(settings, chosen)
-        chosen = replace(chosen, gait=gait or chosen.gait, seed=chosen.seed if seed is None else seed)
+        chosen = replace(
+            chosen, gait=gait or chosen.gait, seed=chosen.seed if seed is None else seed
+        )
         if envs is not None:
             chosen = replace(chosen, world=replace(chosen.world, envs=envs))
         name = f"{datetime.now():%Y%m%d-%H%M%S}-seed{chosen.seed}"
@@ -73,7 +75,9 @@ def _train(
         print(f"stopped; go on with: rmll-train --resume {folder}")
         return 130
     metrics = yaml.safe_load((folder / RESULT).read_text())["metrics"]
-    shown = ", ".join(f"{name} {metrics[name]:.3f}" for name in ("adherence", "vx_error", "wz_error"))
+    shown = ", ".join(
+        f"{name} {metrics[name]:.3f}" for name in ("adherence", "vx_error", "wz_error")
+    )
     print(f"finished: {folder} ({shown}); export with: rmll-export --gait {chosen.gait}")
     return 0
 
@@ -84,7 +88,7 @@ def _existing(path: Path) -> Path:
     return path
 
 
-class _reporter:  # noqa: N801 - used like a function
+class _reporter:
     """One live progress line; without a terminal, a plain line every half minute."""
 
     def __enter__(self):

@@ -1,7 +1,7 @@
 """The learning environment: many A1s under one gait's automaton, as rsl-rl's VecEnv.
 
-One policy step: action -> joint targets held for 20 ms -> contact labels -> automaton -> R_walk, with
-the bonus where the automaton advanced -> ends of episodes -> observation.
+One policy step: action -> joint targets held for 20 ms -> contact labels -> automaton -> R_walk,
+with the bonus where the automaton advanced -> ends of episodes -> observation.
 """
 
 from dataclasses import dataclass
@@ -23,10 +23,9 @@ from rmll_train.simulation import Simulation
 
 _BUFFERS = (
     "episode_length_buf", "state", "phi", "down", "touching", "clear", "label", "command",
-    "_rate",    "_touched_before", "_air_time", "_last_action", "_last_joint_velocity", "_dwell_reward",
+    "_rate", "_touched_before", "_air_time", "_last_action", "_last_joint_velocity",
+    "_dwell_reward",
 )  # fmt: skip
-PLACING_HEIGHT = 0.33
-"""[m] of the base at the start of an episode: the feet just above the ground"""
 
 
 @dataclass
@@ -68,8 +67,8 @@ class Tally:
 
 
 class GaitEnv(VecEnv):
-    """Observation groups: ``policy`` (noisy, what the robot can measure), ``critic`` (true state) and
-    ``estimate`` (the estimator's targets: base velocity (3) [m/s], foot heights (4) [m]).
+    """Observation groups: ``policy`` (noisy, what the robot can measure), ``critic`` (true state)
+    and ``estimate`` (the estimator's targets: base velocity (3) [m/s], foot heights (4) [m]).
     """
 
     num_actions = observation.JOINTS
@@ -86,10 +85,16 @@ class GaitEnv(VecEnv):
         self.simulation = Simulation(robot, self.num_envs, self.dt)
         self.machine = machine.Machine.of(table, lambda array: torch.from_numpy(array.copy()))
         self._default = torch.tensor(robot.default_pose, dtype=torch.float32)
-        self._lower = torch.tensor(robot.joint_lower, dtype=torch.float32) - world.terminations.joint_margin
-        self._upper = torch.tensor(robot.joint_upper, dtype=torch.float32) + world.terminations.joint_margin
+        self._lower = (
+            torch.tensor(robot.joint_lower, dtype=torch.float32) - world.terminations.joint_margin
+        )
+        self._upper = (
+            torch.tensor(robot.joint_upper, dtype=torch.float32) + world.terminations.joint_margin
+        )
         self._one_hot = torch.eye(table.num_states)
         self._tally = Tally()
+        self.failures = 0
+        """Robots put back so far because their physics or reward was not finite"""
 
         n = self.num_envs
         self.episode_length_buf = torch.zeros(n, dtype=torch.long)
@@ -108,10 +113,15 @@ class GaitEnv(VecEnv):
         self._dwell_reward = torch.zeros(n)
         self._vary_robots()
         self._begin(torch.arange(n))
+        self._observed = self._observe()
 
     # -- rsl-rl's interface -------------------------------------------------------------------
 
     def get_observations(self) -> TensorDict:
+        return self._observed
+
+    def _observe(self) -> TensorDict:
+        """Observation groups of this moment, with newly drawn noise."""
         true = self._measured()
         clean = self._assemble(true)
         privileged = torch.cat(
@@ -139,8 +149,11 @@ class GaitEnv(VecEnv):
         )  # fmt: skip
         explained = machine.explained(self.machine, self.state, self.label)
         rewards, walk = self._reward(taken, landed_after, step)
+        undefined = ~rewards.isfinite()
+        self.failures += int((failed | undefined).sum())
+        failed = failed | undefined
         ended = self._ended(taken) | step.rejected | failed
-        rewards = torch.where(step.rejected | failed, torch.zeros(()), rewards).nan_to_num()
+        rewards = torch.where(step.rejected | failed, torch.zeros(()), rewards)
         self.state, self.phi = step.state, step.phi
         self._last_action = taken
         self._last_joint_velocity = self.simulation.joint_velocity.clone()
@@ -152,7 +165,8 @@ class GaitEnv(VecEnv):
         self._disturb()
         if done.any():
             self._begin(done.nonzero()[:, 0])
-        return self.get_observations(), rewards, done, {"time_outs": timeout}
+        self._observed = self._observe()
+        return self._observed, rewards, done, {"time_outs": timeout}
 
     # -- what the trainer reads ---------------------------------------------------------------
 
@@ -165,23 +179,30 @@ class GaitEnv(VecEnv):
         """Give every robot the same commands, until the next draw."""
         self.command[:] = torch.tensor([vx, wz, frequency])
         self._rate[:] = transition_rate(self.table, frequency)
+        self._observed = self._observe()
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that :meth:`load_state_dict` needs to go on from here."""
-        buffers = {name: getattr(self, name).clone() for name in _BUFFERS}
-        return {"buffers": buffers, "simulation": self.simulation.state_dict(),
-                "random": self.generator.get_state()}  # fmt: skip
+        return {
+            "buffers": {name: getattr(self, name).clone() for name in _BUFFERS},
+            "simulation": self.simulation.state_dict(),
+            "observed": self._observed.to_dict(),
+            "random": self.generator.get_state(),
+            "failures": self.failures,
+        }
 
     def load_state_dict(self, saved: dict[str, Any]) -> None:
         for name, value in saved["buffers"].items():
             getattr(self, name)[:] = value
         self.simulation.load_state_dict(saved["simulation"])
+        self._observed = TensorDict(saved["observed"], batch_size=[self.num_envs])
         self.generator.set_state(saved["random"])
+        self.failures = saved["failures"]
 
     # -- one policy step, in parts ------------------------------------------------------------
 
     def _observe_contacts(self) -> Tensor:
-        """Update labels; returns seconds in the air of feet that touched down now (n, 4), else 0."""
+        """Update labels; returns (n, 4) seconds in the air of feet that touch down now, else 0."""
         touched = self.simulation.foot_force > self.world.contact_force
         # one step of memory: a foot that bounces off for 20 ms has not lifted
         self.touching = touched | self._touched_before
@@ -193,7 +214,9 @@ class GaitEnv(VecEnv):
         self._air_time = (self._air_time + self.dt) * ~self.touching
         return landed_after
 
-    def _reward(self, taken: Tensor, landed_after: Tensor, step: machine.Step) -> tuple[Tensor, Tensor]:
+    def _reward(
+        self, taken: Tensor, landed_after: Tensor, step: machine.Step
+    ) -> tuple[Tensor, Tensor]:
         settings = self.world.rewards
         motion = reward.Motion(
             self.command, taken, self._last_action, self._last_joint_velocity, landed_after
@@ -244,7 +267,7 @@ class GaitEnv(VecEnv):
         r, count = self.world.randomisation, len(ids)
         joints = self._default + self._uniform((count, 12), -1, 1) * r.initial_joint
         twist = self._uniform((count, 6), -1, 1) * r.initial_velocity
-        self.simulation.place(ids, joints, torch.full((count,), PLACING_HEIGHT), twist)
+        self.simulation.place(ids, joints, twist)
         self._draw_commands(ids)
         self.episode_length_buf[ids] = 0
         self.state[ids] = self.table.start
@@ -313,7 +336,9 @@ class GaitEnv(VecEnv):
         tally.allowed += float(self._rate.sum())
         tally.off_spec += float((~explained).sum())
         tally.vx_error += float((self.command[:, 0] - simulation.base_velocity[:, 0]).abs().sum())
-        tally.wz_error += float((self.command[:, 1] - simulation.angular_velocity[:, 2]).abs().sum())
+        tally.wz_error += float(
+            (self.command[:, 1] - simulation.angular_velocity[:, 2]).abs().sum()
+        )
         tally.energy += float(power) * self.dt
         tally.distance += float(simulation.base_velocity[:, :2].norm(dim=1).sum()) * self.dt
         tally.walk_reward += float(walk.sum())

@@ -1,4 +1,4 @@
-"""The policy without exploration noise in the trainer's world: its metrics, and the golden trace."""
+"""The policy without exploration in the trainer's world: its metrics, and the golden trace."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ TRACE_SEED = 7
 
 @torch.no_grad()
 def evaluate(actor: EstimatingActor, env: GaitEnv, steps: int) -> Tally:
-    """Walk all robots of ``env`` for ``steps`` policy steps, after one second that does not count."""
+    """Walk all robots of ``env`` for ``steps`` policy steps, after a second that does not count."""
     for step in range(steps + env.robot.policy_hz):
         if step == env.robot.policy_hz:
             env.take_tally()
@@ -27,9 +27,7 @@ def evaluate(actor: EstimatingActor, env: GaitEnv, steps: int) -> Tally:
 
 
 @torch.no_grad()
-def golden_trace(
-    actor: EstimatingActor, table: MachineTable, robot: Robot, world: World
-) -> Trace:
+def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, world: World) -> Trace:
     """The first steps of an episode: what the robot would sense, and what the trainer answers."""
     quiet = Randomisation(
         friction=(0.8, 0.8), added_mass=(0.0, 0.0), push_interval=1e6, initial_joint=0.0,
@@ -41,16 +39,21 @@ def golden_trace(
     rows = []
     for _ in range(TRACE_STEPS):
         obs = env.get_observations()
-        row = _inputs(env)
+        senses = _inputs(env)
         action = actor(obs)
-        row |= {
-            "label": env.label.clone(), "state": env.state.clone(), "phi": env.phi.clone(),
-            "observation": obs["policy"], "estimate": actor.estimate(obs["policy"]),
+        answers = {
+            "label": env.label,
+            "state": env.state,
+            "phi": env.phi,
+            "observation": obs["policy"],
+            "estimate": actor.estimate(obs["policy"]),
             "action": action,
-        }  # fmt: skip
+        }
+        # copies: the environment's buffers change in place when an episode ends
+        row = {name: value[0].clone() for name, value in (senses | answers).items()}
         env.step(action)
-        row["target"] = env.targets
-        rows.append({name: value[0].clone() for name, value in row.items()})
+        row["target"] = env.targets[0].clone()
+        rows.append(row)
         if env.episode_length_buf[0] == 0:  # it fell: a trace of one episode is enough
             break
     columns = {name: torch.stack([row[name] for row in rows]) for name in rows[0]}

@@ -41,15 +41,29 @@ class ReturnScale(nn.Module):
         self.discounted = self.discounted * self.gamma + rewards
         square = self.discounted.square().mean()
         # moment[1] is the weight collected so far: it removes the bias of the start at zero
-        self.moment = self.moment + self.rate * (torch.stack([square, torch.ones(())]) - self.moment)
+        self.moment = self.moment + self.rate * (
+            torch.stack([square, torch.ones(())]) - self.moment
+        )
         self.discounted = self.discounted * ~dones.bool()
         return rewards / (self.moment[0] / self.moment[1] + 1e-8).sqrt()
 
 
+class FiniteAdam(torch.optim.Adam):
+    """Adam that leaves out steps whose gradients are not finite, and counts them."""
+
+    skipped = 0
+
+    def step(self, closure: Any = None) -> None:
+        gradients = [p.grad for group in self.param_groups for p in group["params"]]
+        total = torch.stack([g.sum() for g in gradients if g is not None]).sum()
+        if total.isfinite():
+            super().step(closure)
+        else:
+            self.skipped += 1
+
+
 class GaitPPO(PPO):
     """PPO whose actor carries an estimator."""
-
-    actor: EstimatingActor
 
     def __init__(self, env: GaitEnv, settings: Learner):
         s = settings
@@ -71,17 +85,16 @@ class GaitPPO(PPO):
             use_clipped_value_loss=s.clip_value, desired_kl=s.desired_kl,
             use_mixed_precision=s.bf16,
         )  # fmt: skip
+        self.policy = actor
+        """The actor again, under its own type"""
         # the estimator has its own optimiser; PPO's must not see its parameters
         estimator = set(actor.estimator.parameters())
         trained = [p for p in [*actor.parameters(), *critic.parameters()] if p not in estimator]
-        self.optimizer = torch.optim.Adam(trained, lr=s.learning_rate)
-        self.estimator_optimizer = torch.optim.Adam(
-            actor.estimator.parameters(), lr=s.estimator_rate
-        )
+        self.optimizer = FiniteAdam(trained, lr=s.learning_rate)
+        self.estimator_optimizer = FiniteAdam(actor.estimator.parameters(), lr=s.estimator_rate)
         self.estimator_batches = s.estimator_batches
         self.return_scale = ReturnScale(env.num_envs, s.gamma) if s.normalise_returns else None
-        self.rejected_updates = 0
-        """Updates undone because a parameter was not finite afterwards"""
+        self._lost_updates = 0
 
     def process_env_step(
         self, obs: TensorDict, rewards: Tensor, dones: Tensor, extras: dict[str, Any]
@@ -91,39 +104,40 @@ class GaitPPO(PPO):
         super().process_env_step(obs, rewards, dones, extras)
 
     def update(self) -> dict[str, float]:
-        """One PPO update and one pass of the estimator over the same batch.
+        """One PPO update, then one pass of the estimator over the same batch.
 
-        An update that leaves a parameter not finite is undone and counted.
+        Raises Failure if ten updates in a row changed nothing for want of finite gradients.
         """
-        before = {name: p.detach().clone() for name, p in self._named_parameters()}
+        before = self.skipped_steps
         observed = self.storage.observations.flatten(0, 1)
         losses = super().update()
         # after PPO: within its epochs the estimates stay those that the actions were drawn from
         losses["estimator"] = self._update_estimator(observed["policy"], observed["estimate"])
-        if not all(p.isfinite().all() for _, p in self._named_parameters()):
-            with torch.no_grad():
-                for name, p in self._named_parameters():
-                    p.copy_(before[name])
-            self.optimizer.state.clear()
-            self.estimator_optimizer.state.clear()
-            self.rejected_updates += 1
-            if self.rejected_updates > 10:
-                raise Failure("training diverged: more than 10 updates gave values not finite")
+        skipped_all = (
+            self.skipped_steps - before >= self.num_learning_epochs * self.num_mini_batches
+        )
+        self._lost_updates = self._lost_updates + 1 if skipped_all else 0
+        if self._lost_updates >= 10:
+            raise Failure("training diverged: ten updates in a row had no finite gradients")
         return losses
+
+    @property
+    def skipped_steps(self) -> int:
+        """Optimiser steps left out so far."""
+        return self.optimizer.skipped + self.estimator_optimizer.skipped
 
     def _update_estimator(self, own: Tensor, true: Tensor) -> float:
         total = 0.0
         batches = torch.randperm(len(own)).chunk(self.estimator_batches)
         for batch in batches:
-            loss = estimate_loss(self.actor.estimate(own[batch]), true[batch])
+            loss = estimate_loss(self.policy.estimate(own[batch]), true[batch])
             self.estimator_optimizer.zero_grad()
             loss.backward()
             self.estimator_optimizer.step()
             total += loss.item()
+        # PPO clips the gradients of the whole actor: none of these may be among them
+        self.estimator_optimizer.zero_grad()
         return total / len(batches)
-
-    def _named_parameters(self) -> list[tuple[str, nn.Parameter]]:
-        return [*self.actor.named_parameters(), *((f"critic.{n}", p) for n, p in self.critic.named_parameters())]
 
     def state(self) -> dict[str, Any]:
         """Everything a resumed run needs to go on."""
@@ -131,6 +145,7 @@ class GaitPPO(PPO):
         saved["estimator_optimizer"] = self.estimator_optimizer.state_dict()
         saved["return_scale"] = self.return_scale.state_dict() if self.return_scale else None
         saved["learning_rate"] = self.learning_rate
+        saved["skipped"] = self.optimizer.skipped, self.estimator_optimizer.skipped
         return saved
 
     def restore(self, saved: dict[str, Any]) -> None:
@@ -139,3 +154,4 @@ class GaitPPO(PPO):
         if self.return_scale is not None:
             self.return_scale.load_state_dict(saved["return_scale"])
         self.learning_rate = saved["learning_rate"]
+        self.optimizer.skipped, self.estimator_optimizer.skipped = saved["skipped"]

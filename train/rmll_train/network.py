@@ -40,7 +40,7 @@ class EstimatingActor(MLPModel):
         return torch.cat([own, estimate * self.estimate_scale], dim=-1)
 
     def estimate(self, own: Tensor) -> Tensor:
-        """Base velocity (3) [m/s] and foot heights (4) [m] from ``policy`` observations (..., n)."""
+        """Base velocity (3) [m/s], foot heights (4) [m] from ``policy`` observations (..., n)."""
         return self.estimator(own)
 
     def _get_latent_dim(self) -> int:

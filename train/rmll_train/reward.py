@@ -27,7 +27,9 @@ class Motion:
     """(n, 4) [s] a foot was in the air before it touched down in this step; 0 if it did not"""
 
 
-def terms(simulation: Simulation, motion: Motion, settings: Rewards, dt: float) -> dict[str, Tensor]:
+def terms(
+    simulation: Simulation, motion: Motion, settings: Rewards, dt: float
+) -> dict[str, Tensor]:
     """Weighted terms of R_walk per second, each (n,); the first two are the tracking rewards."""
     velocity, spin = simulation.base_velocity, simulation.angular_velocity
     joint_velocity, torque = simulation.joint_velocity, simulation.torque
@@ -70,4 +72,6 @@ def _beyond_limits(simulation: Simulation) -> Tensor:
     upper = torch.tensor(simulation.robot.joint_upper, dtype=torch.float32)
     margin = (upper - lower) * (1 - SOFT_LIMIT) / 2
     position = simulation.joint_position
-    return ((lower + margin - position).clamp(min=0) + (position - upper + margin).clamp(min=0)).sum(1)
+    return (
+        (lower + margin - position).clamp(min=0) + (position - upper + margin).clamp(min=0)
+    ).sum(1)

@@ -35,12 +35,12 @@ class Rewards:
     action_rate: float = -0.01
     joint_limit: float = -10.0
     """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
-    power: float = 0.0
+    power: float = -0.01
     """sum |torque x joint velocity| [W]; ours"""
-    velocity_y: float = 0.0
+    velocity_y: float = -1.0
     """v_y^2; ours"""
     form: Literal["exp", "clip"] = "exp"
-    """How costs lower the tracking reward: "clip" = max(0, sum of all terms), as in the paper's code.
+    """How costs lower the tracking reward. "clip" = max(0, sum of all terms): the paper's code.
     "exp" = tracking x exp(costs), which stays positive, so that the very first transitions of an
     untrained policy already pay their bonus (Ji et al. 2022)."""
     bonus: float = 1000.0
@@ -155,7 +155,9 @@ class Settings:
 
 def paper(settings: Settings) -> Settings:
     """The paper's observation, rewards and learner; what we added is off."""
-    rewards = replace(settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0)
+    rewards = replace(
+        settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0
+    )
     world = replace(settings.world, profile="paper", command_interval=settings.world.episode,
                     rewards=rewards)  # fmt: skip
     learner = replace(settings.learner, steps=100_000_000, normalise_returns=False, bf16=False,

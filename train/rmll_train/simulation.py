@@ -3,6 +3,9 @@
 Joint arrays are in the robot's joint order, feet in FR, FL, RR, RL; "base frame" is the trunk's.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled module has no stubs)
+
 import mujoco
 import numpy as np
 import torch
@@ -11,6 +14,12 @@ from torch import Tensor
 
 from rmll_robots import Robot
 
+_UNSTABLE = [
+    int(mujoco.mjtWarning.mjWARN_BADQPOS),
+    int(mujoco.mjtWarning.mjWARN_BADQVEL),
+    int(mujoco.mjtWarning.mjWARN_BADQACC),
+    int(mujoco.mjtWarning.mjWARN_BADCTRL),
+]
 PHYSICS_STEP = 0.005
 """[s]; the paper's: four to a policy step"""
 
@@ -53,15 +62,16 @@ class Simulation:
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._control = self._batch.bind("ctrl")
         self._xpos, self._geom_xpos = self._batch.bind("xpos"), self._batch.bind("geom_xpos")
-        self._sensor, self._force = self._batch.bind("sensordata"), self._batch.bind("actuator_force")
+        self._sensor, self._force = (
+            self._batch.bind("sensordata"),
+            self._batch.bind("actuator_force"),
+        )
         self._friction = self._batch.expand("geom_friction")
         self._mass = self._batch.expand("body_mass")
         feet = robot.foot_names
         self._foot_geom = [model.geom(foot).id for foot in feet]
         self._knee_body = [model.body(f"{foot}_calf").id for foot in feet]
         self._touch = [int(model.sensor(f"{foot}_touch").adr[0]) for foot in feet]
-        self.failures = 0
-        """Simulations reset so far because MuJoCo failed or the state was not finite"""
         self._batch.reset(keyframe=0)
         self._read()
 
@@ -77,22 +87,23 @@ class Simulation:
             self._batch.step(nstep=self.substeps)
         except SimulationError as error:
             failed[error.ids] = True
-        failed |= ~(np.isfinite(self._qpos).all(1) & np.isfinite(self._qvel).all(1))
-        failed |= np.abs(self._qvel).max(1) > 1000.0
+        # MuJoCo resets a simulation with values that are not finite, or huge, and warns
+        failed |= (self._batch.warning[:, _UNSTABLE, 1] > 0).any(1)
         if failed.any():
-            self.failures += int(failed.sum())
             self._batch.reset(failed, keyframe=0)
         self._read()
         return torch.from_numpy(failed)
 
-    def place(self, ids: Tensor, joints: Tensor, height: Tensor, velocity: Tensor) -> None:
-        """Put robots upright: joints (n, 12) [rad], base height (n,) [m], base twist (n, 6)."""
+    def place(self, ids: Tensor, joints: Tensor, twist: Tensor) -> None:
+        """Put robots upright on their lowest foot: joints (n, 12) [rad], base twist (n, 6)."""
         rows = ids.numpy()
         self._batch.reset(rows, keyframe=0, stage=int(mujoco.mjtStage.mjSTAGE_NONE))
-        self._qpos[rows, 2] = height.numpy()
         self._qpos[rows, 7:] = joints.numpy()
-        self._qvel[rows, :6] = velocity.numpy()
+        self._qvel[rows, :6] = twist.numpy()
         self._control[rows] = joints.numpy()
+        self._batch.forward(rows, stage=int(mujoco.mjtStage.mjSTAGE_POS))
+        lowest = self._geom_xpos[rows][:, self._foot_geom, 2].min(1) - self.robot.foot_radius
+        self._qpos[rows, 2] -= lowest
         self._batch.forward(rows)
         self._read()
 

@@ -1,16 +1,14 @@
 """One training run: from settings to a folder with checkpoints, curves and a policy."""
 
 import signal
-import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import torch
+import yaml
 from torch.utils.tensorboard import SummaryWriter
 
 from rmll_gaits.load import load_gait
@@ -20,6 +18,7 @@ from rmll_train.checkpoint import load_checkpoint, save_checkpoint, save_policy
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import evaluate, golden_trace
 from rmll_train.learner import GaitPPO
+from rmll_train.provenance import origin
 from rmll_train.settings import Settings
 
 SETTINGS = "settings.yaml"
@@ -35,134 +34,119 @@ class Progress:
 
     steps: int
     total: int
-    seconds: float
-    """of training, all sessions of the run together"""
     rate: float
     """environment steps a second, learning included, over this update"""
     metrics: dict[str, float]
 
 
-def train(run: Path, settings: Settings, report: Callable[[Progress], None], resume: bool) -> bool:
+Report = Callable[[Progress], None]
+
+
+def train(folder: Path, settings: Settings, report: Report, resume: bool) -> bool:
     """Train until ``settings.learner.steps``; returns False if Ctrl-C or SIGTERM ended it before.
 
-    ``run`` then holds the settings, ``checkpoint.pt`` (at most a minute old at any time),
+    ``folder`` then holds the settings, ``checkpoint.pt`` (at most a minute old at any time),
     ``policy.safetensors``, TensorBoard events and, when finished, ``result.yaml``.
     Raises Failure when training diverges; the last good checkpoint stays.
     """
-    torch.manual_seed(settings.seed)
-    table = load_gait(settings.gait)
-    env = GaitEnv(table, A1, settings.world, settings.seed)
-    learner = GaitPPO(env, settings.learner)
-    done = _Clock()
+    run = _Run(folder, settings)
     if resume:
-        done = _restore(load_checkpoint(run), env, learner)
-    run.mkdir(parents=True, exist_ok=True)
-    (run / SETTINGS).write_text(settings_file.to_yaml(settings))
-
-    with _Interrupt() as interrupt, SummaryWriter(str(run), purge_step=done.steps) as writer:
-        finished = _loop(run, settings, env, learner, done, report, writer, interrupt)
-    if finished:
-        tally = evaluate(learner.actor, env, EVALUATION_STEPS)
-        result = _provenance(settings, env, learner, done) | {"metrics": tally.metrics()}
-        _save_policy(run, settings, env, learner, result)
-        (run / RESULT).write_text(settings_file.yaml.safe_dump(result, sort_keys=False))
-    return finished
-
-
-@dataclass
-class _Clock:
-    steps: int = 0
-    seconds: float = 0.0
+        run.restore()
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / SETTINGS).write_text(settings_file.to_yaml(settings))
+    with _Interrupt() as interrupt, SummaryWriter(str(folder), purge_step=run.steps) as writer:
+        saved_at = time.monotonic()
+        while run.steps < settings.learner.steps and not interrupt.asked:
+            run.update(writer, report)
+            if time.monotonic() - saved_at > CHECKPOINT_SECONDS:
+                run.save()
+                saved_at = time.monotonic()
+        run.save()
+    if interrupt.asked:
+        return False
+    run.finish()
+    return True
 
 
-def _loop(
-    run: Path, settings: Settings, env: GaitEnv, learner: GaitPPO, done: _Clock,
-    report: Callable[[Progress], None], writer: SummaryWriter, interrupt: "_Interrupt",
-) -> bool:  # fmt: skip
-    total, saved_at = settings.learner.steps, time.monotonic()
-    obs = env.get_observations()
-    while done.steps < total and not interrupt.asked:
+class _Run:
+    """The parts of a run that change while it trains."""
+
+    def __init__(self, folder: Path, settings: Settings):
+        torch.manual_seed(settings.seed)
+        self._folder, self._settings = folder, settings
+        self._origin = origin(settings)
+        self._env = GaitEnv(load_gait(settings.gait), A1, settings.world, settings.seed)
+        self._learner = GaitPPO(self._env, settings.learner)
+        self.steps = 0
+        self._seconds = 0.0
+        """of training, all sessions of the run together"""
+
+    def update(self, writer: SummaryWriter, report: Report) -> None:
+        """Collect one rollout and learn from it."""
         began = time.monotonic()
+        env, learner = self._env, self._learner
+        obs = env.get_observations()
         with torch.inference_mode():
-            for _ in range(settings.learner.rollout):
+            for _ in range(self._settings.learner.rollout):
                 obs, rewards, dones, extras = env.step(learner.act(obs))
                 learner.process_env_step(obs, rewards, dones, extras)
             learner.compute_returns(obs)
         losses = learner.update()
-        taken = env.num_envs * settings.learner.rollout
+        taken = env.num_envs * self._settings.learner.rollout
         elapsed = time.monotonic() - began
-        done.steps += taken
-        done.seconds += elapsed
+        self.steps += taken
+        self._seconds += elapsed
+
         metrics = env.take_tally().metrics() | {
-            "action_std": float(learner.actor.output_std.mean()),
+            "action_std": float(learner.policy.output_std.detach().mean()),
             "learning_rate": learner.learning_rate,
-            "failures": float(env.simulation.failures),
-            "rejected_updates": float(learner.rejected_updates),
+            "failures": float(env.failures),
+            "skipped_steps": float(learner.skipped_steps),
         }
         for name, value in metrics.items():
-            writer.add_scalar(f"walk/{name}", value, done.steps)
+            writer.add_scalar(f"walk/{name}", value, self.steps)
         for name, value in losses.items():
-            writer.add_scalar(f"loss/{name}", value, done.steps)
-        report(Progress(done.steps, total, done.seconds, taken / elapsed, metrics))
-        if time.monotonic() - saved_at > CHECKPOINT_SECONDS:
-            _save(run, settings, env, learner, done)
-            saved_at = time.monotonic()
-    _save(run, settings, env, learner, done)
-    return done.steps >= total
+            writer.add_scalar(f"loss/{name}", value, self.steps)
+        report(Progress(self.steps, self._settings.learner.steps, taken / elapsed, metrics))
 
+    def save(self) -> None:
+        """Write both checkpoint files."""
+        state = {
+            "learner": self._learner.state(),
+            "environment": self._env.state_dict(),
+            "random": torch.get_rng_state(),
+            "steps": self.steps,
+            "seconds": self._seconds,
+        }
+        save_checkpoint(self._folder, state)
+        self._save_policy(self._provenance())
 
-def _save(run: Path, settings: Settings, env: GaitEnv, learner: GaitPPO, done: _Clock) -> None:
-    state = {
-        "learner": learner.state(),
-        "environment": env.state_dict(),
-        "random": torch.get_rng_state(),
-        "steps": done.steps,
-        "seconds": done.seconds,
-    }
-    save_checkpoint(run, state)
-    _save_policy(run, settings, env, learner, _provenance(settings, env, learner, done))
+    def restore(self) -> None:
+        saved = load_checkpoint(self._folder)
+        self._learner.restore(saved["learner"])
+        self._env.load_state_dict(saved["environment"])
+        torch.set_rng_state(saved["random"])
+        self.steps, self._seconds = saved["steps"], saved["seconds"]
 
+    def finish(self) -> None:
+        """Measure the policy without exploration and write the result."""
+        tally = evaluate(self._learner.policy, self._env, EVALUATION_STEPS)
+        result = self._provenance() | {"metrics": tally.metrics()}
+        self._save_policy(result)
+        (self._folder / RESULT).write_text(yaml.safe_dump(result, sort_keys=False))
 
-def _save_policy(
-    run: Path, settings: Settings, env: GaitEnv, learner: GaitPPO, provenance: dict[str, Any]
-) -> None:
-    trace = golden_trace(learner.actor, env.table, env.robot, settings.world)
-    save_policy(run, learner.actor, env, trace, provenance)
+    def _save_policy(self, provenance: dict[str, Any]) -> None:
+        env, policy = self._env, self._learner.policy
+        trace = golden_trace(policy, env.table, env.robot, self._settings.world)
+        save_policy(self._folder, policy, env, trace, provenance)
 
-
-def _restore(saved: dict[str, Any], env: GaitEnv, learner: GaitPPO) -> _Clock:
-    learner.restore(saved["learner"])
-    env.load_state_dict(saved["environment"])
-    torch.set_rng_state(saved["random"])
-    return _Clock(saved["steps"], saved["seconds"])
-
-
-def _provenance(
-    settings: Settings, env: GaitEnv, learner: GaitPPO, done: _Clock
-) -> dict[str, Any]:
-    return {
-        "trained_by": f"rmll {version('rmll')}",
-        "commit": _commit(),
-        "seed": settings.seed,
-        "steps": done.steps,
-        "minutes": round(done.seconds / 60, 2),
-        "failed_simulations": env.simulation.failures,
-        "rejected_updates": learner.rejected_updates,
-        "torch": version("torch"),
-        "mujoco": version("mujoco"),
-        "settings": msgspec.to_builtins(settings),
-    }
-
-
-def _commit() -> str:
-    """Commit of the source tree, with "+" if it was changed since; "unknown" outside git."""
-    here = Path(__file__).parent
-    try:
-        call = ["git", "-C", str(here), "describe", "--always", "--abbrev=40", "--dirty=+",
-                "--exclude=*"]  # fmt: skip
-        return subprocess.run(call, capture_output=True, text=True, check=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
+    def _provenance(self) -> dict[str, Any]:
+        return self._origin | {
+            "steps": self.steps,
+            "minutes": round(self._seconds / 60, 2),
+            "failed_simulations": self._env.failures,
+            "skipped_steps": self._learner.skipped_steps,
+        }
 
 
 class _Interrupt:
