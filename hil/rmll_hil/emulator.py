@@ -1,5 +1,8 @@
 """The emulated robot: datagrams in, physics, datagrams out, and the truth that no robot tells."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled module has no stubs)
+
 from dataclasses import dataclass
 
 import mujoco

@@ -15,8 +15,7 @@ from rmll_gaits.errors import Failure
 from rmll_hil import lockstep, metrics, realtime, results
 from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.outcome import Outcome
-from rmll_hil.plan import Plan, plan
-from rmll_onboard.bundle import Bundle, load_bundle
+from rmll_onboard.bundle import load_bundle
 from rmll_onboard.controller import prove
 from rmll_onboard.pilot import FlagPilot
 from rmll_onboard.settings import Motion
@@ -40,22 +39,23 @@ def run(
     settings.check()
     bundle = load_bundle(policy)
     prove(bundle)
-    walk = plan(bundle.table.commands, seconds, vx, wz, frequency)
+    pilot = FlagPilot(bundle.table.commands, vx, wz, frequency, seconds)
     folder = results.folder(out, bundle.contract.gait)
     messages = Console(stderr=True)
     try:
-        with _progress(messages, bundle.contract.gait, walk) as progress:
+        with _progress(messages, bundle.contract.gait, seconds) as progress:
             if in_lockstep:
-                outcome = _lockstep(bundle, walk, settings, progress)
+                emulator = Emulator(settings, robot=bundle.robot)
+                outcome = lockstep.walk(emulator, bundle, pilot, progress)
             else:
-                outcome = _realtime(policy, walk, settings, progress)
+                outcome = _realtime(policy, pilot, settings, progress)
     except BaseException:
         folder.rmdir()
         raise
     summary = metrics.summary(outcome, bundle.contract.gait, bundle.robot)
     if in_lockstep:
         summary |= dict.fromkeys(WALL_CLOCK)
-    title = f"{bundle.contract.gait}, {vx:g} m/s, {wz:g} rad/s, c_f {walk.frequency:g}"
+    title = f"{bundle.contract.gait}, {vx:g} m/s, {wz:g} rad/s, c_f {pilot.command[2]:g}"
     results.write(folder, outcome, summary, bundle.table, title)
     if print_json:
         print(json.dumps(summary))
@@ -66,26 +66,21 @@ def run(
         raise Failure(f"the robot went into damping: {outcome.report['fault']}")
 
 
-def _lockstep(
-    bundle: Bundle, walk: Plan, settings: Settings, progress: Callable[[float], None]
-) -> Outcome:
-    pilot = FlagPilot((walk.vx, walk.wz, walk.frequency), walk.seconds)
-    return lockstep.walk(Emulator(settings, robot=bundle.robot), bundle, pilot, progress)
-
-
 def _realtime(
-    policy: Path, walk: Plan, settings: Settings, progress: Callable[[float], None]
+    policy: Path, pilot: FlagPilot, settings: Settings, progress: Callable[[float], None]
 ) -> Outcome:
+    names = ("vx", "wz", "frequency", "seconds")
+    values = zip(names, (*pilot.command, pilot.seconds), strict=True)
+    flags = [text for name, value in values for text in (f"--{name}", str(value))]
     with tempfile.TemporaryDirectory(prefix="rmll-hil-") as scratch:
-        flags = ["--policy", str(policy), *walk.flags]
-        return realtime.walk(flags, settings, Path(scratch), progress)
+        return realtime.walk(["--policy", str(policy), *flags], settings, Path(scratch), progress)
 
 
 @contextmanager
-def _progress(messages: Console, gait: str, walk: Plan) -> Iterator[Callable[[float], None]]:
+def _progress(messages: Console, gait: str, seconds: float) -> Iterator[Callable[[float], None]]:
     """A bar on stderr; the robot's way up and down are part of it."""
     motion = Motion()
-    total = motion.crouch + motion.rise + motion.settle + walk.seconds + motion.sit
+    total = motion.crouch + motion.rise + motion.settle + seconds + motion.sit
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns, console=messages, transient=True) as bar:
         task = bar.add_task(gait, total=total)

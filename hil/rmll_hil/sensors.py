@@ -1,5 +1,8 @@
 """What the board measures: joints, IMU and feet, with the faults of real sensors."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled module has no stubs)
+
 from dataclasses import dataclass, fields
 
 import mujoco

@@ -1,5 +1,8 @@
 """The world the emulated robot stands in: MuJoCo at 1 kHz, the joint servos as its actuators."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled module has no stubs)
+
 from dataclasses import dataclass
 
 import mujoco

@@ -3,7 +3,6 @@
 import signal
 from contextlib import closing, nullcontext
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 import msgspec
@@ -17,7 +16,7 @@ from rmll_onboard.daemon import Daemon
 from rmll_onboard.link import UdpLink
 from rmll_onboard.log import Log
 from rmll_onboard.loop import Loop
-from rmll_onboard.pilot import FlagPilot, Pilot, RemotePilot
+from rmll_onboard.pilot import FlagPilot, Pilot, RemotePilot, middle_frequency
 from rmll_onboard.settings import Settings, as_yaml, load_settings
 
 REMOTE_RULES = (
@@ -79,7 +78,7 @@ def _walk(
     rows = None if log is None else Log(bundle)
     # opened first, so that a wrong path shows before the robot stands
     with (
-        nullcontext() if log is None else log.open("w", newline="") as file,
+        nullcontext() if log is None else log.open("x", newline="") as file,
         closing(UdpLink(address, settings.link.local_port)) as link,
     ):
         daemon = Daemon(bundle, settings, pilot, rows)
@@ -102,19 +101,11 @@ def _pilot(
     frequency: float | None,
     seconds: float | None,
 ) -> Pilot:
-    flags = {"vx": vx, "wz": wz, "frequency": frequency}
-    for name, value in flags.items():
-        low, high = getattr(commands, name)
-        if value is not None and not low <= value <= high:
-            raise InputError(f"--{name} {value:g}: this gait was trained for {low:g} to {high:g}")
-    if seconds is not None and not seconds > 0:
-        raise InputError(f"--seconds {seconds:g}: expected more than 0")
-    cadence = round(fmean(commands.frequency)) if frequency is None else frequency
-    if any(value is not None for value in flags.values()):
-        return FlagPilot((vx or 0.0, wz or 0.0, cadence), seconds)
-    if seconds is not None:
-        raise InputError("--seconds needs one of --vx, --wz, --frequency")
-    return RemotePilot(commands, cadence)
+    if vx is None and wz is None and frequency is None:
+        if seconds is not None:
+            raise InputError("--seconds needs one of --vx, --wz, --frequency")
+        return RemotePilot(commands, middle_frequency(commands))
+    return FlagPilot(commands, vx or 0.0, wz or 0.0, frequency, seconds)
 
 
 def _contents(bundle: Bundle, steps: int) -> dict[str, Any]:

@@ -1,7 +1,9 @@
 """Who says what the robot should do: the wireless remote, or the flags of the command line."""
 
+from statistics import fmean
 from typing import NamedTuple, Protocol
 
+from rmll_gaits.errors import InputError
 from rmll_gaits.table import Commands
 from rmll_onboard.remote import Button, Remote
 from rmll_onboard.supervisor import NS, Mode, Request
@@ -55,11 +57,32 @@ class RemotePilot:
 
 
 class FlagPilot:
-    """Stands up, walks with one command for ``seconds`` (None: until stopped), sits down."""
+    """Stands up, walks with one command for ``seconds`` (None: until stopped), sits down.
 
-    def __init__(self, command: tuple[float, float, float], seconds: float | None) -> None:
-        self._command = command
-        self._seconds = seconds
+    Raises InputError, which names the flag, for a command that ``commands`` does not allow.
+    """
+
+    def __init__(
+        self,
+        commands: Commands,
+        vx: float = 0.0,
+        wz: float = 0.0,
+        frequency: float | None = None,
+        seconds: float | None = None,
+    ) -> None:
+        if frequency is None:
+            frequency = middle_frequency(commands)
+        self.command = vx, wz, frequency
+        """vx [m/s], wz [rad/s], c_f [policy steps]"""
+        self.seconds = seconds
+        for name, value in zip(("vx", "wz", "frequency"), self.command, strict=True):
+            low, high = getattr(commands, name)
+            if not low <= value <= high:
+                raise InputError(
+                    f"--{name} {value:g}: this gait was trained for {low:g} to {high:g}"
+                )
+        if seconds is not None and not seconds > 0:
+            raise InputError(f"--seconds {seconds:g}: expected more than 0")
         self._walking_since: int | None = None
 
     def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
@@ -69,13 +92,18 @@ class FlagPilot:
             request = {Mode.DAMPING: Request.STAND, Mode.STANDING: Request.WALK}.get(mode)
         else:
             walked = now - self._walking_since
-            over = self._seconds is not None and walked >= self._seconds * NS
+            over = self.seconds is not None and walked >= self.seconds * NS
             request = Request.SIT if over else None
-        return Orders(request, self._command)
+        return Orders(request, self.command)
 
     def finished(self, mode: Mode, fault: str | None) -> bool:
         walked = self._walking_since is not None
         return fault is not None or (walked and mode is Mode.DAMPING)
+
+
+def middle_frequency(commands: Commands) -> float:
+    """c_f where nobody chose one: the middle of what was trained, in whole policy steps."""
+    return float(round(fmean(commands.frequency)))
 
 
 def _scaled(share: float, limits: tuple[float, float]) -> float:

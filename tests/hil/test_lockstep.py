@@ -12,8 +12,9 @@ from rmll_robots import A1
 
 
 def stand(bundle: Path, seed: int = 0) -> Outcome:
-    pilot = FlagPilot((0.0, 0.0, 9.0), seconds=1.0)
-    return lockstep.walk(Emulator(Settings(seed=seed)), load_bundle(bundle), pilot, lambda _: None)
+    loaded = load_bundle(bundle)
+    pilot = FlagPilot(loaded.table.commands, seconds=1.0)
+    return lockstep.walk(Emulator(Settings(seed=seed)), loaded, pilot, lambda _: None)
 
 
 def test_stands_up_and_lies_down_again(standing: Path) -> None:
@@ -52,8 +53,9 @@ def test_a_robot_that_is_knocked_over_has_fallen(standing: Path) -> None:
         if seconds > 4:
             emulator.world.data.qvel[3] = 8.0  # roll
 
-    pilot = FlagPilot((0.0, 0.0, 9.0), seconds=10.0)
-    outcome = lockstep.walk(emulator, load_bundle(standing), pilot, kick)
+    loaded = load_bundle(standing)
+    pilot = FlagPilot(loaded.table.commands, seconds=10.0)
+    outcome = lockstep.walk(emulator, loaded, pilot, kick)
     figures = summary(outcome, "trot", A1)
     assert figures["fault"].startswith("tilted")
     assert figures["falls"] == 1

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from rmll_gaits.load import load_gait
 from rmll_onboard import a1_wire, remote
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.daemon import Daemon
@@ -49,9 +50,13 @@ class Lockstep:
         return self
 
 
+def by_command(seconds: float) -> FlagPilot:
+    return FlagPilot(load_gait("trot").commands, *WALK, seconds)
+
+
 @pytest.fixture
 def by_flags(bundle, brisk, robot):
-    return Lockstep(Daemon(bundle, brisk, FlagPilot(WALK, 2.0)), robot)
+    return Lockstep(Daemon(bundle, brisk, by_command(2.0)), robot)
 
 
 @pytest.fixture
@@ -79,7 +84,7 @@ def test_two_runs_send_the_same_bytes(bundle, brisk, robot):
     runs = []
     for _ in range(2):
         robot.__init__()
-        lockstep = Lockstep(Daemon(bundle, brisk, FlagPilot(WALK, 0.5)), robot)
+        lockstep = Lockstep(Daemon(bundle, brisk, by_command(0.5)), robot)
         lockstep.run(5)
         runs.append(lockstep.sent)
     assert runs[0] == runs[1]
@@ -89,7 +94,7 @@ def test_targets_follow_the_policy_at_its_rate_and_in_the_robots_order(make_bund
     names = A1.joint_names[6:] + A1.joint_names[:6]
     pose = np.array([A1.default_pose[A1.joint_names.index(name)] for name in names])
     path = make_bundle(joint_names=names, default_pose=tuple(pose.tolist()), action_scale=1e-6)
-    lockstep = Lockstep(Daemon(load_bundle(path), brisk, FlagPilot(WALK, 1.0)), robot)
+    lockstep = Lockstep(Daemon(load_bundle(path), brisk, by_command(1.0)), robot)
     lockstep.until_walking()
     ran = []
     for _ in range(40):
@@ -198,7 +203,7 @@ def test_huge_rates_from_the_imu_do_not_reach_the_joints(by_flags, robot):
 @settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_hostile_datagrams_change_nothing(bundle, brisk, data):
-    daemon = Daemon(bundle, brisk, FlagPilot(WALK, 1.0))
+    daemon = Daemon(bundle, brisk, by_command(1.0))
     good = a1_wire.encode_state(a1_wire.RobotState(quaternion=np.array([1.0, 0, 0, 0])))
     daemon.tick(0, good)
     flips = st.tuples(st.integers(0, 763), st.integers(0, 7))
@@ -212,7 +217,7 @@ def test_hostile_datagrams_change_nothing(bundle, brisk, data):
 
 def test_the_log_has_a_row_every_policy_period(bundle, brisk, robot):
     log = Log(bundle)
-    lockstep = Lockstep(Daemon(bundle, brisk, FlagPilot(WALK, 1.0), log), robot)
+    lockstep = Lockstep(Daemon(bundle, brisk, by_command(1.0), log), robot)
     lockstep.run(10)
     file = io.StringIO()
     log.write(file)
@@ -233,7 +238,7 @@ def test_the_log_has_a_row_every_policy_period(bundle, brisk, robot):
 
 def test_a_full_log_keeps_the_newest_rows(bundle, brisk, robot):
     log = Log(bundle, rows=10)
-    Lockstep(Daemon(bundle, brisk, FlagPilot(WALK, 1.0), log), robot).run(10)
+    Lockstep(Daemon(bundle, brisk, by_command(1.0), log), robot).run(10)
     file = io.StringIO()
     log.write(file)
     rows = list(csv.DictReader(io.StringIO(file.getvalue())))
