@@ -15,7 +15,7 @@ test: setup
 
 # Timings; run them on an idle machine.
 bench: setup
-	$(VENV)/bin/pytest tests/benchmarks --benchmark-only
+	$(VENV)/bin/pytest -o addopts=--import-mode=importlib tests/benchmarks --benchmark-only
 
 lint: setup
 	$(VENV)/bin/ruff check .

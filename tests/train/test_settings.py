@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rmll_gaits.errors import InputError
-from rmll_train.settings import Settings, load, paper, to_yaml
+from rmll_train.settings import Learner, Settings, World, load, paper, to_yaml
 
 
 def write(tmp_path: Path, text: str) -> Path:
@@ -42,3 +42,10 @@ def test_bad_settings_are_one_clear_line(tmp_path: Path, text: str, expected: st
     with pytest.raises(InputError) as error:
         load(write(tmp_path, text), Settings())
     assert expected in str(error.value) and "mine.yaml" in str(error.value)
+
+
+def test_sizes_that_cannot_work_are_refused() -> None:
+    for world, learner in ((World(envs=0), Learner()), (World(envs=1), Learner(rollout=2))):
+        with pytest.raises(InputError):
+            Settings(world=world, learner=learner).check()
+    Settings().check()

@@ -44,12 +44,12 @@ def steps(settings: Settings, updates: int) -> Settings:
 
 
 def test_a_run_leaves_settings_checkpoint_policy_curves_and_result(tmp_path: Path) -> None:
-    seen = []
-    assert train(tmp_path, SMALL, seen.append, resume=False)
+    run, seen = tmp_path / "run", []
+    assert train(run, SMALL, seen.append, resume=False)
     assert [progress.steps for progress in seen] == [n * ENVS * ROLLOUT for n in (1, 2, 3, 4)]
-    names = {path.name.split(".")[0] for path in tmp_path.iterdir()}
+    names = {path.name.split(".")[0] for path in run.iterdir()}
     assert names == {"settings", "checkpoint", "policy", "events", "result"}
-    result = yaml.safe_load((tmp_path / "result.yaml").read_text())
+    result = yaml.safe_load((run / "result.yaml").read_text())
     assert result["steps"] == 4 * ENVS * ROLLOUT and result["seed"] == 0
     assert 0 <= result["metrics"]["off_spec_contact"] <= 1
 
@@ -62,9 +62,10 @@ def test_from_the_trainer_to_the_robots_controller_nothing_changes(
     """Torch in the trainer, onnxruntime and NumPy on the robot: labels, states, observations,
     estimates, actions and targets agree over a recorded episode."""
     chosen = replace(SMALL, gait=gait, world=replace(SMALL.world, profile=profile))
-    train(tmp_path, chosen, quiet, resume=False)
+    run = tmp_path / "run"
+    train(run, chosen, quiet, resume=False)
     bundle = tmp_path / "gait.onnx"
-    assert export(read(tmp_path / "policy.safetensors"), bundle) < 1e-5
+    assert export(read(run / "policy.safetensors"), bundle) < 1e-5
     prove(load_bundle(bundle))
 
 

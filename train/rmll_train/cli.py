@@ -14,6 +14,7 @@ from rich.progress import Progress as Bar
 
 from rmll_contract import command
 from rmll_gaits.errors import InputError
+from rmll_gaits.load import load_gait
 from rmll_train import settings as settings_file
 from rmll_train.settings import Settings
 from rmll_train.training import RESULT, SETTINGS, Progress, train
@@ -51,23 +52,16 @@ def _train(
     if resume is not None:
         if gait or settings or envs or seed is not None or preset != "default":
             raise InputError("--resume takes the run's own settings; only --steps can be given")
-        chosen = settings_file.load(_existing(resume / SETTINGS), Settings())
-        folder = resume
+        chosen, folder = settings_file.load(_existing(resume / SETTINGS), Settings()), resume
     else:
         if not gait and settings is None:
             raise InputError("name a gait: --gait trot")
-        chosen = settings_file.paper(Settings()) if preset == "paper" else Settings()
-        if settings is not None:
-            chosen = settings_file.load(settings, chosen)
-        chosen = replace(
-            chosen, gait=gait or chosen.gait, seed=chosen.seed if seed is None else seed
-        )
-        if envs is not None:
-            chosen = replace(chosen, world=replace(chosen.world, envs=envs))
+        chosen = _chosen(gait, preset, settings, envs, seed)
         name = f"{datetime.now():%Y%m%d-%H%M%S}-seed{chosen.seed}"
-        folder = runs / Path(chosen.gait).stem / name
+        folder = runs / load_gait(chosen.gait).gait / name
     if steps is not None:
         chosen = replace(chosen, learner=replace(chosen.learner, steps=steps))
+    chosen.check()
 
     with _reporter() as report:
         finished = train(folder, chosen, report, resume=resume is not None)
@@ -75,11 +69,22 @@ def _train(
         print(f"stopped; go on with: rmll-train --resume {folder}")
         return 130
     metrics = yaml.safe_load((folder / RESULT).read_text())["metrics"]
-    shown = ", ".join(
-        f"{name} {metrics[name]:.3f}" for name in ("adherence", "vx_error", "wz_error")
-    )
-    print(f"finished: {folder} ({shown}); export with: rmll-export --gait {chosen.gait}")
+    shown = ("adherence", "vx_error", "wz_error")
+    figures = ", ".join(f"{name} {metrics[name]:.3f}" for name in shown)
+    print(f"finished: {folder} ({figures}); export with: rmll-export --gait {folder.parent.name}")
     return 0
+
+
+def _chosen(
+    gait: str, preset: str, overlay: Path | None, envs: int | None, seed: int | None
+) -> Settings:
+    """The preset, under the settings file, under the flags."""
+    chosen = settings_file.paper(Settings()) if preset == "paper" else Settings()
+    if overlay is not None:
+        chosen = settings_file.load(overlay, chosen)
+    world = chosen.world if envs is None else replace(chosen.world, envs=envs)
+    seed = chosen.seed if seed is None else seed
+    return replace(chosen, gait=gait or chosen.gait, seed=seed, world=world)
 
 
 def _existing(path: Path) -> Path:

@@ -152,6 +152,26 @@ class Settings:
     world: World = field(default_factory=World)
     learner: Learner = field(default_factory=Learner)
 
+    def check(self) -> None:
+        """Raises InputError for sizes with which no run can work."""
+        learner, envs = self.learner, self.world.envs
+        sizes = {
+            "world.envs": envs,
+            "learner.steps": learner.steps,
+            "learner.rollout": learner.rollout,
+            "learner.epochs": learner.epochs,
+            "learner.mini_batches": learner.mini_batches,
+            "learner.estimator_batches": learner.estimator_batches,
+        }
+        for name, size in sizes.items():
+            if size < 1:
+                raise InputError(f"{name} is {size}, expected at least 1")
+        if envs * learner.rollout < learner.mini_batches:
+            raise InputError(
+                f"{envs} robots x {learner.rollout} steps cannot be split into "
+                f"{learner.mini_batches} mini-batches"
+            )
+
 
 def paper(settings: Settings) -> Settings:
     """The paper's observation, rewards and learner; what we added is off."""

@@ -52,7 +52,7 @@ def train(folder: Path, settings: Settings, report: Report, resume: bool) -> boo
     run = _Run(folder, settings)
     if resume:
         run.restore()
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=resume)
     (folder / SETTINGS).write_text(settings_file.to_yaml(settings))
     with _Interrupt() as interrupt, SummaryWriter(str(folder), purge_step=run.steps) as writer:
         saved_at = time.monotonic()
