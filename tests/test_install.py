@@ -1,0 +1,56 @@
+"""The base install: what a robot's computer gets from ``pip install .``, and that it is enough."""
+
+import os
+import shutil
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+NOT_SOURCE = (".git", ".venv", "build", "*.egg-info", "runs", "hil-runs", "__pycache__", ".*_cache")
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """bin folder of a clean environment with the project installed without extras."""
+    folder = tmp_path_factory.mktemp("base")
+    # a copy: building leaves files beside the sources
+    source = shutil.copytree(ROOT, folder / "source", ignore=shutil.ignore_patterns(*NOT_SOURCE))
+    venv.create(folder / "venv", with_pip=True)
+    bin_folder = folder / "venv" / ("Scripts" if sys.platform == "win32" else "bin")
+    install = [bin_folder / "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", source]
+    # PYTHONPATH would let the environment see more than was installed
+    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    subprocess.run(install, check=True, env=clean, stdout=subprocess.DEVNULL)
+    return bin_folder
+
+
+def call(base: Path, tmp_path: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [str(base / words[0]), *words[1:]]
+    return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+
+
+def test_a_bundle_can_be_checked_with_the_base_install(base: Path, tmp_path: Path) -> None:
+    policy = str(ROOT / "policies" / "trot.onnx")
+    done = call(base, tmp_path, "rmll-onboard", "--check", "--policy", policy)
+    assert done.returncode == 0, done.stderr
+    assert "trot" in done.stdout
+
+
+def test_the_base_install_is_small(base: Path, tmp_path: Path) -> None:
+    done = call(base, tmp_path, "pip", "list", "--format=freeze")
+    names = {line.partition("==")[0].lower() for line in done.stdout.split()}
+    assert {"rmll", "numpy", "onnxruntime", "pyyaml", "msgspec", "tyro"} <= names
+    assert not names & {"torch", "mujoco", "onnx", "matplotlib", "lark", "rich"}
+
+
+@pytest.mark.parametrize("command", ["rmll-gait", "rmll-train", "rmll-export", "rmll-hil"])
+def test_commands_whose_extra_is_missing_name_it(base: Path, tmp_path: Path, command: str) -> None:
+    done = call(base, tmp_path, command, "--help")
+    extra = {"rmll-gait": "view"}.get(command, command.removeprefix("rmll-"))
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert f"pip install 'rmll[{extra}]'" in done.stderr
