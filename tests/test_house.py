@@ -21,7 +21,7 @@ PACKAGES = {
 MAY_IMPORT = {
     "rmll_gaits": set(),
     "rmll_robots": set(),
-    "rmll_contract": {"rmll_gaits"},
+    "rmll_contract": {"rmll_gaits", "rmll_robots"},
     "rmll_view": {"rmll_gaits", "rmll_contract"},
     "rmll_train": {"rmll_gaits", "rmll_robots", "rmll_contract"},
     "rmll_export": {"rmll_gaits", "rmll_robots", "rmll_contract"},

@@ -10,8 +10,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from rmll_contract import observation
 from rmll_contract.observation import Field, Profile
 from rmll_gaits.errors import InputError
+from rmll_gaits.table import MachineTable
+from rmll_robots import Robot
 
 FORMAT = 1
 KEY = "rmll"
@@ -80,6 +83,38 @@ class Contract(msgspec.Struct, frozen=True):
     """Of the serialised ONNX graph; empty in a checkpoint"""
     digest: str = ""
     """Of all the above; empty until :func:`seal`"""
+
+
+def describe(
+    robot: Robot,
+    table: MachineTable,
+    profile: Profile,
+    labels: Labels,
+    provenance: dict[str, Any],
+    trace: Trace,
+) -> Contract:
+    """The contract, not sealed yet, of a policy for ``table``'s gait on ``robot``."""
+    return Contract(
+        format=FORMAT,
+        gait=table.gait,
+        table=table.to_dict(),
+        robot=robot.name,
+        profile=profile,
+        observation=observation.layout(profile, table.num_states),
+        estimates=observation.ESTIMATES,
+        joint_names=robot.joint_names,
+        default_pose=tuple(map(float, robot.default_pose)),
+        kp=robot.kp,
+        kd=robot.kd,
+        action_scale=robot.action_scale,
+        action_clip=robot.action_clip,
+        torque_limit=robot.torque_limit,
+        policy_hz=robot.policy_hz,
+        control_hz=robot.control_hz,
+        labels=labels,
+        provenance=provenance,
+        trace=trace,
+    )
 
 
 def seal(contract: Contract) -> Contract:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import onnx
 import pytest
@@ -9,7 +10,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from rmll_contract import contract as contracts
 from rmll_contract import observation
-from rmll_contract.contract import Contract, Labels, Trace
+from rmll_contract.contract import Labels, Trace
 from rmll_contract.graph_hash import graph_sha256
 from rmll_gaits.load import load_gait
 from rmll_robots import A1
@@ -57,26 +58,10 @@ def standing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     table = load_gait("trot")
     layout = observation.layout("imu", table.num_states)
     model = standing_policy(observation.size(layout))
-    contract = Contract(
-        format=contracts.FORMAT,
-        gait="trot",
-        table=table.to_dict(),
-        robot="a1",
-        profile="imu",
-        observation=layout,
-        estimates=observation.ESTIMATES,
-        joint_names=A1.joint_names,
-        default_pose=tuple(A1.default_pose.tolist()),
-        kp=A1.kp,
-        kd=A1.kd,
-        action_scale=A1.action_scale,
-        action_clip=A1.action_clip,
-        torque_limit=A1.torque_limit,
-        policy_hz=A1.policy_hz,
-        control_hz=A1.control_hz,
-        labels=Labels(contact_force=1.0, clearance=0.03),
-        provenance={},
-        trace=first_step(layout, table.num_states),
+    labels = Labels(contact_force=1.0, clearance=0.03)
+    trace = first_step(layout, table.num_states)
+    contract = msgspec.structs.replace(
+        contracts.describe(A1, table, "imu", labels, {}, trace),
         graph_sha256=graph_sha256(model.SerializeToString()),
     )
     sealed = contracts.encode(contracts.seal(contract))

@@ -79,28 +79,8 @@ EMPTY = Trace(*([] for _ in Trace.__struct_fields__))
 
 
 def trot_contract() -> Contract:
-    table = trot_table()
-    return Contract(
-        format=contracts.FORMAT,
-        gait="trot",
-        table=table.to_dict(),
-        robot="a1",
-        profile="imu",
-        observation=observation.layout("imu", table.num_states),
-        estimates=observation.ESTIMATES,
-        joint_names=A1.joint_names,
-        default_pose=tuple(A1.default_pose.tolist()),
-        kp=A1.kp,
-        kd=A1.kd,
-        action_scale=A1.action_scale,
-        action_clip=A1.action_clip,
-        torque_limit=A1.torque_limit,
-        policy_hz=A1.policy_hz,
-        control_hz=A1.control_hz,
-        labels=Labels(contact_force=1.0, clearance=0.03),
-        provenance={"seed": 0},
-        trace=EMPTY,
-    )
+    labels = Labels(contact_force=1.0, clearance=0.03)
+    return contracts.describe(A1, trot_table(), "imu", labels, {"seed": 0}, EMPTY)
 
 
 def record_trace(model: bytes, contract: Contract, steps: int = 40) -> Trace:

@@ -14,8 +14,7 @@ from typing import Any
 import torch
 from safetensors.torch import save_file
 
-from rmll_contract import observation
-from rmll_contract.contract import FORMAT, KEY, Contract, Labels, Trace, encode, seal
+from rmll_contract.contract import KEY, Labels, Trace, describe, encode, seal
 from rmll_gaits.errors import InputError
 from rmll_train.environment import GaitEnv
 from rmll_train.network import EstimatingActor
@@ -52,7 +51,9 @@ def save_policy(
         estimate = actor.estimator(probe)
         action = actor.mlp(torch.cat([probe, estimate * actor.estimate_scale], dim=-1))
     tensors |= {"probe.observation": probe, "probe.estimate": estimate, "probe.action": action}
-    header = {KEY: encode(seal(_contract(env, trace, provenance)))}
+    labels = Labels(env.world.contact_force, env.world.clearance)
+    contract = describe(env.robot, env.table, env.world.profile, labels, provenance, trace)
+    header = {KEY: encode(seal(contract))}
     _replace(run / POLICY, lambda path: save_file(tensors, path, metadata=header))
 
 
@@ -63,31 +64,6 @@ def _layers(name: str, network: torch.nn.Module) -> dict[str, torch.Tensor]:
         for index, layer in enumerate(linear)
         for kind in ("weight", "bias")
     }
-
-
-def _contract(env: GaitEnv, trace: Trace, provenance: dict[str, Any]) -> Contract:
-    robot, world = env.robot, env.world
-    return Contract(
-        format=FORMAT,
-        gait=env.table.gait,
-        table=env.table.to_dict(),
-        robot=robot.name,
-        profile=world.profile,
-        observation=env.layout,
-        estimates=observation.ESTIMATES,
-        joint_names=robot.joint_names,
-        default_pose=tuple(map(float, robot.default_pose)),
-        kp=robot.kp,
-        kd=robot.kd,
-        action_scale=robot.action_scale,
-        action_clip=robot.action_clip,
-        torque_limit=robot.torque_limit,
-        policy_hz=robot.policy_hz,
-        control_hz=robot.control_hz,
-        labels=Labels(world.contact_force, world.clearance),
-        provenance=provenance,
-        trace=trace,
-    )
 
 
 def _replace(path: Path, write: Callable[[Path], Any]) -> None:
