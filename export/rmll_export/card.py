@@ -28,7 +28,7 @@ def card(contract: Contract, bundle: str, hil: Mapping[str, Any] | None) -> str:
         _table("training", rows),
         "In the trainer's world, without exploration, over the gait's whole range of commands, "
         "with noise and pushes:\n",
-        _table("metric", {k: f"{v:.3f}" for k, v in origin.get("metrics", {}).items()}),
+        _table("metric", origin.get("metrics", {})),
     ]
     if hil:
         parts += [
@@ -39,5 +39,9 @@ def card(contract: Contract, bundle: str, hil: Mapping[str, Any] | None) -> str:
 
 
 def _table(title: str, rows: Mapping[str, Any]) -> str:
-    lines = [f"| {title} | |", "|---|---|", *(f"| {k} | {v} |" for k, v in rows.items())]
+    lines = [f"| {title} | |", "|---|---|", *(f"| {k} | {_plain(v)} |" for k, v in rows.items())]
     return "\n".join(lines) + "\n"
+
+
+def _plain(value: Any) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
