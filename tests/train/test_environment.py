@@ -1,5 +1,7 @@
 """The learning environment: what the policy sees, what it earns, and that bad physics is caught."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -13,6 +15,10 @@ from rmll_train.environment import GaitEnv
 from rmll_train.settings import Noise, Randomisation, Rewards, Settings, Terminations, World
 
 ENVS = 16
+ALIKE = Randomisation(
+    friction=(0.8, 0.8), added_mass=(0.0, 0.0), centre_of_mass=0.0, strength=(1.0, 1.0),
+    delay=(0.0, 0.0), push_interval=1e6, initial_joint=0.0, initial_velocity=0.0,
+)  # fmt: skip
 
 
 def make(gait: str = "trot", seed: int = 0, **world) -> GaitEnv:
@@ -145,8 +151,7 @@ def test_a_robot_on_its_back_ends_its_episode() -> None:
 
 
 def test_an_episode_that_lasts_is_a_time_out() -> None:
-    still = Randomisation(push_interval=1e6, initial_joint=0.0, initial_velocity=0.0)
-    env = make(episode=0.1, randomisation=still)
+    env = make(episode=0.1, randomisation=ALIKE)
     for _ in range(4):
         assert not env.step(torch.zeros(ENVS, 12))[2].any()
     _, _, done, extras = env.step(torch.zeros(ENVS, 12))
@@ -155,8 +160,7 @@ def test_an_episode_that_lasts_is_a_time_out() -> None:
 
 def test_a_reject_edge_ends_the_episode_without_reward() -> None:
     # a rear foot on the ground after the grace period sends Half-Bound into its sink
-    still = Randomisation(initial_joint=0.0, initial_velocity=0.0)
-    env = make("half_bound", randomisation=still, terminations=Terminations(base_height=0.1))
+    env = make("half_bound", randomisation=ALIKE, terminations=Terminations(base_height=0.1))
     for _ in range(40):
         age = env.episode_length_buf.clone()
         _, rewards, done, _ = env.step(torch.zeros(ENVS, 12))
@@ -166,13 +170,29 @@ def test_a_reject_edge_ends_the_episode_without_reward() -> None:
     pytest.fail("a standing robot was never rejected")
 
 
-def test_robots_differ_in_friction_and_mass_within_the_settings() -> None:
-    settings = Settings().world.randomisation
-    simulation = make().simulation
-    friction = simulation._friction[:, 0, 0]
-    mass = simulation._mass[:, simulation._trunk] - simulation._trunk_mass
-    for values, (low, high) in ((friction, settings.friction), (mass, settings.added_mass)):
-        assert low <= values.min() < values.max() <= high
+def test_robots_differ_within_the_settings() -> None:
+    settings, simulation = Settings().world.randomisation, make().simulation
+    trunk, model = simulation._trunk, simulation._model
+    varied = simulation._varied
+    ranges = {
+        "friction": (varied["geom_friction"][:, 0, 0], settings.friction),
+        "mass": (varied["body_mass"][:, trunk] - model.body_mass[trunk], settings.added_mass),
+        "strength": (varied["actuator_gainprm"][:, 3, 0] / A1.kp, settings.strength),
+        "delay": (varied["actuator_delay"][:, 0], settings.delay),
+    }
+    for name, (values, (low, high)) in ranges.items():
+        assert low <= values.min() < values.max() <= high, name
+    shift = varied["body_ipos"][:, trunk] - model.body_ipos[trunk]
+    assert 0 < np.abs(shift).max() <= settings.centre_of_mass
+
+
+def test_a_delayed_action_arrives_later() -> None:
+    """The same action has moved the joints less when it comes two physics steps late."""
+    prompt, late = make(randomisation=ALIKE), make(randomisation=replace(ALIKE, delay=(0.01, 0.01)))
+    for env in (prompt, late):
+        env.step(torch.full((ENVS, 12), 0.5))
+    moved = [(env.simulation.joint_position - env._default).abs().mean() for env in (prompt, late)]
+    assert moved[1] < 0.7 * moved[0]
 
 
 def test_noise_reaches_the_policy_but_not_the_critic() -> None:

@@ -4,7 +4,6 @@ One policy step: action -> joint targets held for 20 ms -> contact labels -> aut
 with the bonus where the automaton advanced -> ends of episodes -> observation.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -17,53 +16,17 @@ from rmll_gaits import label, machine
 from rmll_gaits.schedule import transition_rate
 from rmll_gaits.table import MachineTable
 from rmll_robots import Robot
-from rmll_train import reward
+from rmll_train import reward, terrain
+from rmll_train.curriculum import Levels, Pressure
 from rmll_train.settings import World
-from rmll_train.simulation import Simulation
+from rmll_train.simulation import DELAY_STEPS, PHYSICS_STEP, Simulation, Variation
+from rmll_train.tally import Tally
 
 _BUFFERS = (
     "episode_length_buf", "state", "phi", "down", "touching", "clear", "label", "command",
     "_rate", "_touched_before", "_air_time", "_last_action", "_last_joint_velocity",
-    "_dwell_reward",
+    "_dwell_reward", "_made", "_allowed",
 )  # fmt: skip
-
-
-@dataclass
-class Tally:
-    """Sums since the last :meth:`GaitEnv.take_tally`, over all robots; plain numbers."""
-
-    steps: int = 0
-    transitions: float = 0.0
-    allowed: float = 0.0
-    """transitions that the frequency commands allowed"""
-    off_spec: float = 0.0
-    """steps whose label neither an edge nor a hold explains"""
-    vx_error: float = 0.0
-    wz_error: float = 0.0
-    energy: float = 0.0
-    """[J]"""
-    distance: float = 0.0
-    """[m]"""
-    walk_reward: float = 0.0
-    episodes: int = 0
-    ends: int = 0
-    """episodes that ended before their time"""
-    length: float = 0.0
-    """[policy steps] of the ended episodes"""
-
-    def metrics(self) -> dict[str, float]:
-        """Means under the names that every report of the project uses."""
-        steps = max(self.steps, 1)
-        return {
-            "adherence": self.transitions / max(self.allowed, 1e-9),
-            "off_spec_contact": self.off_spec / steps,
-            "vx_error": self.vx_error / steps,
-            "wz_error": self.wz_error / steps,
-            "energy_per_metre": self.energy / max(self.distance, 1e-3),
-            "walk_reward": self.walk_reward / steps,
-            "early_ends": self.ends / max(self.episodes, 1),
-            "episode_steps": self.length / max(self.episodes, 1),
-        }
 
 
 class GaitEnv(VecEnv):
@@ -82,7 +45,10 @@ class GaitEnv(VecEnv):
         self.max_episode_length = round(world.episode * robot.policy_hz)
         self.layout = observation.layout(world.profile, table.num_states)
         self.generator = torch.Generator().manual_seed(seed)
-        self.simulation = Simulation(robot, self.num_envs, self.dt)
+        ground = terrain.build(world.ground, seed) if world.ground.kinds else None
+        self.simulation = Simulation(robot, self.num_envs, self.dt, ground)
+        self.levels = Levels(ground, world.ground, self.num_envs, self.generator)
+        self.pressure = Pressure(world.rewards)
         self.machine = machine.Machine.of(table, lambda array: torch.from_numpy(array.copy()))
         self._default = torch.tensor(robot.default_pose, dtype=torch.float32)
         self._lower = (
@@ -111,6 +77,7 @@ class GaitEnv(VecEnv):
         self._last_action = torch.zeros(n, self.num_actions)
         self._last_joint_velocity = torch.zeros(n, self.num_actions)
         self._dwell_reward = torch.zeros(n)
+        self._made, self._allowed = torch.zeros(n), torch.zeros(n)  # transitions, this episode
         self._vary_robots()
         self._begin(torch.arange(n))
         self._observed = self._observe()
@@ -164,7 +131,10 @@ class GaitEnv(VecEnv):
         self._count(step, explained, walk, done, ended)
         self._disturb()
         if done.any():
-            self._begin(done.nonzero()[:, 0])
+            over = done.nonzero()[:, 0]
+            adherence = self._made[over] / self._allowed[over]
+            self.levels.update(over, ended[over], adherence)
+            self._begin(over)
         self._observed = self._observe()
         return self._observed, rewards, done, {"time_outs": timeout}
 
@@ -188,6 +158,8 @@ class GaitEnv(VecEnv):
             "simulation": self.simulation.state_dict(),
             "observed": self._observed.to_dict(),
             "random": self.generator.get_state(),
+            "level": self.levels.level.clone(),
+            "pressure": self.pressure.factor,
             "failures": self.failures,
         }
 
@@ -197,6 +169,8 @@ class GaitEnv(VecEnv):
         self.simulation.load_state_dict(saved["simulation"])
         self._observed = TensorDict(saved["observed"], batch_size=[self.num_envs])
         self.generator.set_state(saved["random"])
+        self.levels.level[:] = saved["level"]
+        self.pressure.factor = saved["pressure"]
         self.failures = saved["failures"]
 
     # -- one policy step, in parts ------------------------------------------------------------
@@ -222,7 +196,10 @@ class GaitEnv(VecEnv):
             self.command, taken, self._last_action, self._last_joint_velocity, landed_after
         )
         walk = reward.walking(
-            reward.terms(self.simulation, motion, settings, self.dt), settings, self.dt
+            reward.terms(self.simulation, motion, settings, self.dt),
+            settings,
+            self.pressure.factor,
+            self.dt,
         )
         self._dwell_reward = self._dwell_reward + walk
         praised = walk if settings.bonus_on == "step" else self._dwell_reward / (self.phi + 1)
@@ -260,14 +237,22 @@ class GaitEnv(VecEnv):
     def _vary_robots(self) -> None:
         """Each robot keeps its friction and mass for the whole run, as in legged_gym."""
         r, n = self.world.randomisation, (self.num_envs,)
-        self.simulation.randomise(self._uniform(n, *r.friction), self._uniform(n, *r.added_mass))
+        delay = (self._uniform(n, *r.delay) / PHYSICS_STEP).round().clamp(0, DELAY_STEPS)
+        variation = Variation(
+            friction=self._uniform(n, *r.friction),
+            added_mass=self._uniform(n, *r.added_mass),
+            centre_of_mass=self._uniform((*n, 3), -1, 1) * r.centre_of_mass,
+            strength=self._uniform(n, *r.strength),
+            delay=delay,
+        )
+        self.simulation.vary(variation)
 
     def _begin(self, ids: Tensor) -> None:
         """Start new episodes for these robots."""
         r, count = self.world.randomisation, len(ids)
         joints = self._default + self._uniform((count, 12), -1, 1) * r.initial_joint
         twist = self._uniform((count, 6), -1, 1) * r.initial_velocity
-        self.simulation.place(ids, joints, twist)
+        self.simulation.place(ids, self.levels.spots(ids), joints, twist)
         self._draw_commands(ids)
         self.episode_length_buf[ids] = 0
         self.state[ids] = self.table.start
@@ -276,9 +261,11 @@ class GaitEnv(VecEnv):
             flags[ids] = True
         self.clear[ids] = False
         self.label[ids] = label.NUM_LABELS - 1
-        for memory in (self._air_time, self._last_action, self._last_joint_velocity):
+        for memory in (
+            self._air_time, self._last_action, self._last_joint_velocity, self._dwell_reward,
+            self._made, self._allowed,
+        ):  # fmt: skip
             memory[ids] = 0.0
-        self._dwell_reward[ids] = 0.0
 
     def _draw_commands(self, ids: Tensor) -> None:
         ranges, count = self.table.commands, (len(ids),)
@@ -330,6 +317,8 @@ class GaitEnv(VecEnv):
         self, step: machine.Step, explained: Tensor, walk: Tensor, done: Tensor, ended: Tensor
     ) -> None:
         simulation, tally = self.simulation, self._tally
+        self._made = self._made + step.advanced
+        self._allowed = self._allowed + self._rate
         power = (simulation.torque * simulation.joint_velocity).abs().sum()
         tally.steps += self.num_envs
         tally.transitions += float(step.advanced.sum())
@@ -342,6 +331,7 @@ class GaitEnv(VecEnv):
         tally.energy += float(power) * self.dt
         tally.distance += float(simulation.base_velocity[:, :2].norm(dim=1).sum()) * self.dt
         tally.walk_reward += float(walk.sum())
+        tally.level += float(self.levels.level.sum())
         tally.episodes += int(done.sum())
         tally.ends += int(ended.sum())
         tally.length += float(self.episode_length_buf[done].sum())

@@ -8,9 +8,10 @@ from torch import Tensor
 from rmll_contract.contract import Trace, float_lists
 from rmll_gaits.table import MachineTable
 from rmll_robots import Robot
-from rmll_train.environment import GaitEnv, Tally
+from rmll_train.environment import GaitEnv
 from rmll_train.network import EstimatingActor
-from rmll_train.settings import Noise, Randomisation, World
+from rmll_train.settings import Ground, Noise, Randomisation, World
+from rmll_train.tally import Tally
 
 TRACE_STEPS = 64
 TRACE_SEED = 7
@@ -30,10 +31,13 @@ def evaluate(actor: EstimatingActor, env: GaitEnv, steps: int) -> Tally:
 def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, world: World) -> Trace:
     """The first steps of an episode: what the robot would sense, and what the trainer answers."""
     quiet = Randomisation(
-        friction=(0.8, 0.8), added_mass=(0.0, 0.0), push_interval=1e6, initial_joint=0.0,
-        initial_velocity=0.0, noise=Noise(0.0, 0.0, 0.0, 0.0),
+        friction=(0.8, 0.8), added_mass=(0.0, 0.0), centre_of_mass=0.0, strength=(1.0, 1.0),
+        delay=(0.0, 0.0), push_interval=1e6, initial_joint=0.0, initial_velocity=0.0,
+        noise=Noise(0.0, 0.0, 0.0, 0.0),
     )  # fmt: skip
-    env = GaitEnv(table, robot, replace(world, envs=1, randomisation=quiet), TRACE_SEED)
+    env = GaitEnv(
+        table, robot, replace(world, envs=1, ground=Ground(), randomisation=quiet), TRACE_SEED
+    )
     low, high = table.commands.frequency
     env.fix_commands(0.5 * table.commands.vx[1], 0.0, round((low + high) / 2))
     rows = []

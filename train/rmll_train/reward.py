@@ -53,11 +53,11 @@ def terms(
     return {name: value * getattr(settings, name) for name, value in raw.items()}
 
 
-def walking(weighted: dict[str, Tensor], settings: Rewards, dt: float) -> Tensor:
-    """R_walk (n,) >= 0 of one policy step, from :func:`terms`."""
+def walking(weighted: dict[str, Tensor], settings: Rewards, pressure: float, dt: float) -> Tensor:
+    """R_walk (n,) >= 0 of one policy step, from :func:`terms`; ``pressure`` scales the costs."""
     values = list(weighted.values())
     tracking = values[0] + values[1]
-    rest = torch.stack(values[2:]).sum(0)
+    rest = torch.stack(values[2:]).sum(0) * pressure
     if settings.form == "clip":
         return (tracking + rest).clamp(min=0) * dt
     return tracking * rest.clamp(max=0).exp() * dt

@@ -33,6 +33,14 @@ class Rewards:
     air_time: float = 1.0
     """sum of (time in the air - 0.5 s) at touch-down"""
     action_rate: float = -0.01
+    pressure: tuple[float, float] = (0.2, 5.0)
+    """Range of the factor on all costs. Within it the factor grows while robots hold the gait and
+    their speed, and shrinks while they do not: first the gait emerges, then it becomes efficient.
+    Equal ends turn this off"""
+    hold_adherence: float = 0.92
+    """The factor grows above this adherence ..."""
+    hold_vx_error: float = 0.15
+    """... and below this error [m/s], both with exploration"""
     joint_limit: float = -10.0
     """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
     power: float = -0.01
@@ -67,6 +75,12 @@ class Randomisation:
     friction: tuple[float, float] = (0.5, 1.25)
     added_mass: tuple[float, float] = (-1.0, 2.0)
     """[kg] on the trunk; a real A1 carries a battery and a computer"""
+    centre_of_mass: float = 0.03
+    """[m] of the trunk, at most, along each axis"""
+    strength: tuple[float, float] = (0.9, 1.1)
+    """Factor on the servos' gains"""
+    delay: tuple[float, float] = (0.0, 0.02)
+    """[s] from an action to its effect at the joints, in physics steps"""
     push_interval: float = 15.0
     """[s]"""
     push_velocity: float = 1.0
@@ -76,6 +90,28 @@ class Randomisation:
     initial_velocity: float = 0.3
     """[m/s], [rad/s] of the base"""
     noise: Noise = field(default_factory=Noise)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Flat without ``kinds``; else a tiled height field with a row of tiles for each level.
+
+    The greatest values belong to the last level; the first has a tenth of them.
+    """
+
+    kinds: tuple[Literal["rough", "uphill", "downhill", "stones"], ...] = ()
+    levels: int = 10
+    tile: float = 8.0
+    """[m], side"""
+    roughness: float = 0.06
+    """[m] above and below the mean"""
+    slope: float = 0.3
+    """rise over run"""
+    stone_step: float = 0.08
+    """[m] between the highest stone and the gaps"""
+    harder_above: float = 0.8
+    """Adherence of a whole episode from which on the robot's next tile is a level harder; a robot
+    whose episode ended early has its next one a level easier"""
 
 
 @dataclass(frozen=True)
@@ -108,6 +144,7 @@ class World:
     """[N]"""
     clearance: float = 0.03
     """[m]"""
+    ground: Ground = field(default_factory=Ground)
     rewards: Rewards = field(default_factory=Rewards)
     randomisation: Randomisation = field(default_factory=Randomisation)
     terminations: Terminations = field(default_factory=Terminations)
@@ -176,10 +213,17 @@ class Settings:
 def paper(settings: Settings) -> Settings:
     """The paper's observation, rewards and learner; what we added is off."""
     rewards = replace(
-        settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0
-    )
-    world = replace(settings.world, profile="paper", command_interval=settings.world.episode,
-                    rewards=rewards)  # fmt: skip
+        settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0,
+        pressure=(1.0, 1.0),
+    )  # fmt: skip
+    randomisation = replace(
+        settings.world.randomisation, added_mass=(0.0, 0.0), centre_of_mass=0.0,
+        strength=(1.0, 1.0), delay=(0.0, 0.0),
+    )  # fmt: skip
+    world = replace(
+        settings.world, profile="paper", command_interval=settings.world.episode,
+        rewards=rewards, randomisation=randomisation,
+    )  # fmt: skip
     learner = replace(settings.learner, steps=100_000_000, normalise_returns=False, bf16=False,
                       clip_value=True)  # fmt: skip
     return replace(settings, world=world, learner=learner)

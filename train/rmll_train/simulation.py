@@ -6,6 +6,8 @@ Joint arrays are in the robot's joint order, feet in FR, FL, RR, RL; "base frame
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled module has no stubs)
 
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 import torch
@@ -13,6 +15,7 @@ from mujoco.batch import Batch, SimulationError
 from torch import Tensor
 
 from rmll_robots import Robot
+from rmll_train.terrain import Terrain
 
 _UNSTABLE = [
     int(mujoco.mjtWarning.mjWARN_BADQPOS),
@@ -22,13 +25,36 @@ _UNSTABLE = [
 ]
 PHYSICS_STEP = 0.005
 """[s]; the paper's: four to a policy step"""
+DELAY_STEPS = 4
+"""Longest delay of an action, in physics steps"""
+_VARIED = (
+    "geom_friction", "body_mass", "body_ipos", "actuator_gainprm", "actuator_biasprm",
+    "actuator_delay",
+)  # fmt: skip
 
 
-def training_model(robot: Robot) -> mujoco.MjModel:
+@dataclass(frozen=True)
+class Variation:
+    """What differs from one robot to the next; tensors (num, ...)."""
+
+    friction: Tensor
+    """of the ground and the feet"""
+    added_mass: Tensor
+    """[kg] on the trunk"""
+    centre_of_mass: Tensor
+    """[m] (num, 3) shift of the trunk's"""
+    strength: Tensor
+    """factor on the servos' gains"""
+    delay: Tensor
+    """[physics steps], whole, from an action to its effect"""
+
+
+def training_model(robot: Robot, terrain: Terrain | None = None) -> mujoco.MjModel:
     """The robot's scene, made for speed: position servos in the model, few solver iterations.
 
-    Servo: torque = kp (target - q) - kd qd, bounded by the torque limit. Joint friction is left out
-    (it costs a quarter of the speed); the emulator has it.
+    Servo: torque = kp (target - q) - kd qd, bounded by the torque limit. Only feet meet the ground:
+    episodes end before anything else would. Joint friction is left out, for it costs a quarter of
+    the speed; the emulator has both.
     """
     spec = mujoco.MjSpec.from_file(str(robot.scene))
     spec.option.timestep = PHYSICS_STEP
@@ -40,34 +66,47 @@ def training_model(robot: Robot) -> mujoco.MjModel:
         actuator.ctrllimited = False
         actuator.forcelimited = True
         actuator.forcerange = [-robot.torque_limit, robot.torque_limit]
+        actuator.nsample = DELAY_STEPS
     for joint in spec.joints:
         joint.frictionloss = 0
     for geom in spec.geoms:
-        if geom.name != "floor":  # the robot's parts meet the ground, not each other
-            geom.contype, geom.conaffinity = 0, 1
+        if geom.name != "floor":
+            geom.contype, geom.conaffinity = 0, int(geom.name in robot.foot_names)
+    if terrain is not None:
+        _lay(spec, terrain)
     return spec.compile()
+
+
+def _lay(spec: mujoco.MjSpec, terrain: Terrain) -> None:
+    """Put a height field in the floor's place. MuJoCo wants heights from 0 to 1, and a scale."""
+    heights = terrain.heights
+    low, high = float(heights.min()), float(heights.max())
+    spec.add_hfield(
+        name="ground", nrow=heights.shape[0], ncol=heights.shape[1],
+        size=[*terrain.radii, max(high - low, 1e-6), 0.1],
+        userdata=((heights - low) / max(high - low, 1e-6)).ravel().tolist(),
+    )  # fmt: skip
+    floor = next(geom for geom in spec.geoms if geom.name == "floor")
+    floor.type, floor.hfieldname = mujoco.mjtGeom.mjGEOM_HFIELD, "ground"
+    floor.pos = [0.0, 0.0, low]
 
 
 class Simulation:
     """State of ``num`` robots after the last :meth:`step`, as float32 tensors (num, ...)."""
 
-    def __init__(self, robot: Robot, num: int, policy_dt: float):
+    def __init__(self, robot: Robot, num: int, policy_dt: float, terrain: Terrain | None = None):
         self.robot = robot
         self.num = num
         self.substeps = round(policy_dt / PHYSICS_STEP)
-        model = training_model(robot)
+        self._terrain = terrain
+        self._model = model = training_model(robot, terrain)
         self._batch = Batch(model, num)
         self._trunk = model.body("trunk").id
-        self._trunk_mass = float(model.body_mass[self._trunk])
-        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
-        self._control = self._batch.bind("ctrl")
-        self._xpos, self._geom_xpos = self._batch.bind("xpos"), self._batch.bind("geom_xpos")
-        self._sensor, self._force = (
-            self._batch.bind("sensordata"),
-            self._batch.bind("actuator_force"),
-        )
-        self._friction = self._batch.expand("geom_friction")
-        self._mass = self._batch.expand("body_mass")
+        bind = self._batch.bind
+        self._qpos, self._qvel, self._control = bind("qpos"), bind("qvel"), bind("ctrl")
+        self._xpos, self._geom_xpos = bind("xpos"), bind("geom_xpos")
+        self._sensor, self._force = bind("sensordata"), bind("actuator_force")
+        self._varied = {name: self._batch.expand(name) for name in _VARIED}
         feet = robot.foot_names
         self._foot_geom = [model.geom(foot).id for foot in feet]
         self._knee_body = [model.body(f"{foot}_calf").id for foot in feet]
@@ -94,16 +133,18 @@ class Simulation:
         self._read()
         return torch.from_numpy(failed)
 
-    def place(self, ids: Tensor, joints: Tensor, twist: Tensor) -> None:
-        """Put robots upright on their lowest foot: joints (n, 12) [rad], base twist (n, 6)."""
+    def place(self, ids: Tensor, spot: Tensor, joints: Tensor, twist: Tensor) -> None:
+        """Put robots upright, no foot in the ground: x, y (n, 2) [m], joints (n, 12) [rad], base
+        twist (n, 6)."""
         rows = ids.numpy()
         self._batch.reset(rows, keyframe=0, stage=int(mujoco.mjtStage.mjSTAGE_NONE))
+        self._qpos[rows, :2] = spot.numpy()
         self._qpos[rows, 7:] = joints.numpy()
         self._qvel[rows, :6] = twist.numpy()
         self._control[rows] = joints.numpy()
         self._batch.forward(rows, stage=int(mujoco.mjtStage.mjSTAGE_POS))
-        lowest = self._geom_xpos[rows][:, self._foot_geom, 2].min(1) - self.robot.foot_radius
-        self._qpos[rows, 2] -= lowest
+        self._read()
+        self._qpos[rows, 2] -= self.foot_height[ids].amin(1).numpy()
         self._batch.forward(rows)
         self._read()
 
@@ -111,29 +152,44 @@ class Simulation:
         """Add (n, 2) [m/s] to the base's horizontal velocity."""
         self._qvel[ids.numpy(), :2] += velocity.numpy()
 
-    def randomise(self, friction: Tensor, added_mass: Tensor) -> None:
-        """Per-robot ground friction (num,) and extra trunk mass (num,) [kg]."""
-        self._friction[:, :, 0] = friction.numpy()[:, None]
-        self._mass[:, self._trunk] = self._trunk_mass + added_mass.numpy()
+    def vary(self, variation: Variation) -> None:
+        """Make the robots differ; all of them, for the rest of the simulation's life."""
+        varied, model, trunk = self._varied, self._model, self._trunk
+        varied["geom_friction"][:, :, 0] = variation.friction.numpy()[:, None]
+        varied["body_mass"][:, trunk] = model.body_mass[trunk] + variation.added_mass.numpy()
+        varied["body_ipos"][:, trunk] = model.body_ipos[trunk] + variation.centre_of_mass.numpy()
+        strength = variation.strength.numpy()[:, None, None]
+        varied["actuator_gainprm"][:] = model.actuator_gainprm * strength
+        varied["actuator_biasprm"][:] = model.actuator_biasprm * strength
+        varied["actuator_delay"][:] = variation.delay.numpy()[:, None] * PHYSICS_STEP
         self._batch.set_const()
 
     def state_dict(self) -> dict[str, Tensor]:
         """Copy of everything that differs between two simulations."""
-        live = {"state": self._batch.state, "friction": self._friction, "mass": self._mass}
+        live = self._varied | {"state": self._batch.state}
         return {name: torch.from_numpy(array.copy()) for name, array in live.items()}
 
     def load_state_dict(self, saved: dict[str, Tensor]) -> None:
-        self._friction[:], self._mass[:] = saved["friction"].numpy(), saved["mass"].numpy()
+        for name, array in self._varied.items():
+            array[:] = saved[name].numpy()
         self._batch.set_const()
         self._batch.state[:] = saved["state"].numpy()
         self._batch.forward()
         self._read()
 
+    def _ground(self, points: np.ndarray) -> Tensor:
+        """Height of the ground below world points (num, ..., 3)."""
+        if self._terrain is None:
+            return torch.zeros(points.shape[:-1])
+        return self._terrain.height(_tensor(points[..., 0]), _tensor(points[..., 1]))
+
     def _read(self) -> None:
         pose, twist = _tensor(self._qpos), _tensor(self._qvel)
         quaternion = pose[:, 3:7]
-        self.base_height = pose[:, 2]
-        """[m] above the ground"""
+        self.base_position = pose[:, :3]
+        """[m] in the world"""
+        self.base_height = pose[:, 2] - self._ground(self._qpos[:, :3])
+        """[m] above the ground below"""
         self.base_velocity = rotate_inverse(quaternion, twist[:, :3])
         """[m/s] in the base frame"""
         self.angular_velocity = twist[:, 3:6]
@@ -148,9 +204,11 @@ class Simulation:
         # MuJoCo's derived fields describe the state one physics step (5 ms) earlier.
         self.foot_force = _tensor(self._sensor[:, self._touch])
         """[N]"""
-        self.foot_height = _tensor(self._geom_xpos[:, self._foot_geom, 2]) - self.robot.foot_radius
-        """[m] of the foot's underside above the ground"""
-        self.knee_height = _tensor(self._xpos[:, self._knee_body, 2])
+        feet, knees = self._geom_xpos[:, self._foot_geom], self._xpos[:, self._knee_body]
+        self.foot_height = _tensor(feet[..., 2]) - self.robot.foot_radius - self._ground(feet)
+        """[m] of each foot's underside above the ground below it"""
+        self.knee_height = _tensor(knees[..., 2]) - self._ground(knees)
+        """[m]"""
 
 
 def rotate_inverse(quaternion: Tensor, vector: Tensor) -> Tensor:

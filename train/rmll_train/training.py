@@ -97,7 +97,10 @@ class _Run:
         self.steps += taken
         self._seconds += elapsed
 
-        metrics = env.take_tally().metrics() | {
+        walked = env.take_tally().metrics()
+        env.pressure.update(walked["adherence"], walked["vx_error"])
+        metrics = walked | {
+            "pressure": env.pressure.factor,
             "action_std": float(learner.policy.output_std.detach().mean()),
             "learning_rate": learner.learning_rate,
             "failures": float(env.failures),

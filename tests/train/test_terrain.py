@@ -1,0 +1,86 @@
+"""The ground that robots feel is the ground that the trainer computes with."""
+
+import mujoco
+import numpy as np
+import pytest
+import torch
+
+from rmll_gaits.load import load_gait
+from rmll_robots import A1
+from rmll_train.curriculum import Levels, Pressure
+from rmll_train.environment import GaitEnv
+from rmll_train.settings import Ground, Rewards, World
+from rmll_train.simulation import training_model
+from rmll_train.terrain import Terrain, build
+
+ALL = Ground(kinds=("rough", "uphill", "downhill", "stones"), levels=3, tile=4.0)
+
+
+@pytest.fixture(scope="module")
+def terrain() -> Terrain:
+    return build(ALL, seed=0)
+
+
+def test_heights_are_those_of_mujocos_triangles(terrain: Terrain) -> None:
+    model = training_model(A1, terrain)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-1, 1, (300, 2)) * (np.array(terrain.radii) - 0.5)
+    groups = np.array([1, 0, 0, 0, 0, 0], np.uint8)  # the floor's, not the robot's
+    robot = model.body("trunk").id
+    for x, y in points:
+        geom = np.zeros(1, np.int32)
+        above = np.array([x, y, 5.0])
+        distance = mujoco.mj_ray(
+            model, data, above, np.array([0.0, 0.0, -1.0]), groups, 1, robot, geom, None
+        )
+        if model.geom(int(geom[0])).name != "floor":
+            continue  # a foot of the robot stands in the way
+        ours = float(terrain.height(torch.tensor([x]), torch.tensor([y])))
+        assert 5.0 - distance == pytest.approx(ours, abs=2e-3)
+
+
+def test_each_level_is_harder_than_the_one_before(terrain: Terrain) -> None:
+    half = ALL.tile / 2
+    for column in range(len(ALL.kinds)):
+        spread = []
+        for level in range(ALL.levels):
+            x, y = terrain.centres[level, column]
+            offset = torch.linspace(-half + 0.2, half - 0.2, 40)
+            grid = torch.cartesian_prod(x + offset, y + offset)
+            spread.append(float(terrain.height(grid[:, 0], grid[:, 1]).std()))
+        assert spread == sorted(spread) and spread[0] > 0, ALL.kinds[column]
+
+
+def test_robots_are_placed_with_no_foot_in_the_ground() -> None:
+    env = GaitEnv(load_gait("trot"), A1, World(envs=32, ground=ALL), seed=0)
+    assert env.simulation.foot_height.min() > -1e-3
+    assert env.simulation.foot_height.amin(1).max() < 1e-3
+
+
+def test_a_robot_that_holds_its_gait_climbs_and_one_that_falls_descends(terrain: Terrain) -> None:
+    levels = Levels(terrain, ALL, 4, torch.Generator().manual_seed(0))
+    levels.level[:] = torch.tensor([1, 1, 1, 0])
+    early = torch.tensor([False, True, False, True])
+    levels.update(torch.arange(4), early, torch.tensor([0.95, 0.95, 0.5, 0.9]))
+    assert levels.level.tolist() == [2, 0, 1, 0]
+
+
+def test_who_masters_the_last_level_is_sent_to_any(terrain: Terrain) -> None:
+    levels = Levels(terrain, ALL, 200, torch.Generator().manual_seed(0))
+    levels.level[:] = ALL.levels - 1
+    levels.update(torch.arange(200), torch.zeros(200, dtype=torch.bool), torch.ones(200))
+    assert set(levels.level.tolist()) == set(range(ALL.levels))
+
+
+def test_pressure_grows_only_while_gait_and_speed_are_held_and_stays_in_its_range() -> None:
+    pressure = Pressure(Rewards(pressure=(0.5, 2.0)))
+    assert pressure.factor == 0.5
+    pressure.update(adherence=0.1, vx_error=0.0)
+    assert pressure.factor == 0.5
+    for _ in range(500):
+        pressure.update(adherence=0.99, vx_error=0.05)
+    assert pressure.factor == 2.0
+    pressure.update(adherence=0.99, vx_error=0.5)
+    assert pressure.factor < 2.0

@@ -1,0 +1,58 @@
+"""What gets harder as the robots learn: the ground under each of them, and the price of effort."""
+
+import torch
+from torch import Tensor
+
+from rmll_train.settings import Ground, Rewards
+from rmll_train.terrain import Terrain
+
+START_LEVELS = 3
+"""Robots begin on the first levels"""
+SPOT = 1.0
+"""[m] around a tile's middle within which a robot is placed"""
+
+
+class Levels:
+    """Each robot's tile. Without a terrain every robot stands on the same flat spot."""
+
+    def __init__(
+        self, terrain: Terrain | None, ground: Ground, robots: int, generator: torch.Generator
+    ):
+        self._terrain, self._generator = terrain, generator
+        self._count = ground.levels if terrain else 1
+        self._harder_above = ground.harder_above
+        start = min(START_LEVELS, self._count)
+        self.level = torch.randint(start, (robots,), generator=generator)
+        self._column = torch.arange(robots) % max(1, len(ground.kinds))
+
+    def update(self, ids: Tensor, early: Tensor, adherence: Tensor) -> None:
+        """After episodes of ``ids`` that ended ``early`` or not, each with its adherence (n,)."""
+        done = ~early & (adherence > self._harder_above)
+        level = self.level[ids] + done.long() - early.long()
+        # who masters the last level is sent anywhere, so that no level is forgotten
+        anywhere = torch.randint(self._count, level.shape, generator=self._generator)
+        self.level[ids] = torch.where(level >= self._count, anywhere, level.clamp(min=0))
+
+    def spots(self, ids: Tensor) -> Tensor:
+        """Where to place these robots, x and y (n, 2) [m]."""
+        if self._terrain is None:
+            return torch.zeros(len(ids), 2)
+        centres = self._terrain.centres[self.level[ids], self._column[ids]]
+        return centres + (torch.rand(centres.shape, generator=self._generator) * 2 - 1) * SPOT
+
+
+class Pressure:
+    """The factor on all costs of R_walk, moved by how well the robots walk."""
+
+    RATE = 1.02
+    """Factor between two updates of the learner"""
+
+    def __init__(self, settings: Rewards):
+        self._settings = settings
+        self.factor = settings.pressure[0]
+
+    def update(self, adherence: float, vx_error: float) -> None:
+        """After a rollout with these means over all robots."""
+        settings, (low, high) = self._settings, self._settings.pressure
+        holds = adherence > settings.hold_adherence and vx_error < settings.hold_vx_error
+        self.factor = min(high, max(low, self.factor * (self.RATE if holds else 1 / self.RATE)))
