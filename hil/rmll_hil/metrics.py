@@ -23,15 +23,16 @@ def summary(outcome: Outcome, gait: str, robot: Robot) -> dict[str, Any]:
     ``off_spec_contact``: share of policy steps whose label the automaton cannot explain.
     ``vx_error`` [m/s], ``wz_error`` [rad/s]: mean absolute error of the true velocity in the
     base frame after the first second. ``falls``: how often the base touched the ground.
-    ``energy_per_metre`` [J/m]: sum |torque x speed| dt over the way on the ground.
-    ``cost_of_transport``: that over the weight.
+    ``distance`` [m]: the way on the ground. ``energy_per_metre`` [J/m]: sum |torque x speed| dt
+    over it. ``cost_of_transport``: that over the weight.
     """
     report = outcome.report
     start, end = report["walking_start_ns"], report["walking_end_ns"]
     walked = start is not None
     window = _between(outcome.truth, start, end) if walked else outcome.truth[:0]
     vx_error, wz_error = _velocity_errors(outcome, window)
-    energy = _energy_per_metre(window)
+    distance = _distance(window)
+    energy = _energy_per_metre(window, distance)
     return {
         "gait": gait,
         "seconds": (end - start) / 1e9 if walked else 0.0,
@@ -41,12 +42,18 @@ def summary(outcome: Outcome, gait: str, robot: Robot) -> dict[str, Any]:
         "vx_error": vx_error,
         "wz_error": wz_error,
         "falls": _falls(outcome, start, end) if walked else 0,
+        "distance": distance,
         "energy_per_metre": energy,
-        "cost_of_transport": None if energy is None else energy / (robot.mass * GRAVITY),
+        "cost_of_transport": cost_of_transport(energy, robot),
         "fault": report["fault"],
         "realtime_factor": outcome.realtime_factor,
         **{name: report[name] for name in ("tick_us", "wake_us", "rss_mb", "packets")},
     }
+
+
+def cost_of_transport(energy_per_metre: float | None, robot: Robot) -> float | None:
+    """Energy per metre [J/m] over the robot's weight; None stays None."""
+    return None if energy_per_metre is None else energy_per_metre / (robot.mass * GRAVITY)
 
 
 def _between(truth: NDArray[np.void], start: int, end: int) -> NDArray[np.void]:
@@ -78,10 +85,12 @@ def _falls(outcome: Outcome, start: int, end: int) -> int:
     return int((grounded[1:] & ~grounded[:-1]).sum())
 
 
-def _energy_per_metre(window: NDArray[np.void]) -> float | None:
+def _distance(window: NDArray[np.void]) -> float:
     steps = np.diff(window["position"][:, :2], axis=0)
-    distance = np.hypot(steps[:, 0], steps[:, 1]).sum()
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+
+def _energy_per_metre(window: NDArray[np.void], distance: float) -> float | None:
     if distance < LEAST_DISTANCE:
         return None
-    energy = window["energy"][-1] - window["energy"][0]
-    return float(energy / distance)
+    return float(window["energy"][-1] - window["energy"][0]) / distance

@@ -51,6 +51,7 @@ def test_a_steady_walk() -> None:
     assert figures["seconds"] == 10
     assert figures["vx_error"] == pytest.approx(0.1)
     assert figures["wz_error"] == pytest.approx(0.0)
+    assert figures["distance"] == pytest.approx(0.4 * 10)
     assert figures["energy_per_metre"] == pytest.approx(50 / 0.4)
     assert figures["cost_of_transport"] == pytest.approx(50 / 0.4 / (12.453 * 9.81), rel=1e-3)
     assert (figures["falls"], figures["adherence"], figures["off_spec_contact"]) == (0, 0.9, 0.1)

@@ -15,7 +15,7 @@ from rmll_hil.emulator import Settings
 
 FIGURES = [
     *("gait", "seconds", "adherence", "transitions", "off_spec_contact", "vx_error", "wz_error"),
-    *("falls", "energy_per_metre", "cost_of_transport", "realtime_factor"),
+    *("falls", "distance", "energy_per_metre", "cost_of_transport", "realtime_factor"),
     *("tick_us", "wake_us", "rss_mb", "packets"),
 ]
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
