@@ -106,6 +106,8 @@ class Simulation:
         self._qpos, self._qvel, self._control = bind("qpos"), bind("qvel"), bind("ctrl")
         self._xpos, self._geom_xpos = bind("xpos"), bind("geom_xpos")
         self._sensor, self._force = bind("sensordata"), bind("actuator_force")
+        # of each actuator's delay line (num, joints, ...), the values are the last part
+        self._delayed = bind("history").reshape(num, model.nu, -1)[:, :, -DELAY_STEPS:]
         self._varied = {name: self._batch.expand(name) for name in _VARIED}
         feet = robot.foot_names
         self._foot_geom = [model.geom(foot).id for foot in feet]
@@ -142,6 +144,8 @@ class Simulation:
         self._qpos[rows, 7:] = joints.numpy()
         self._qvel[rows, :6] = twist.numpy()
         self._control[rows] = joints.numpy()
+        # MuJoCo fills the delay lines with zeros: a target that no robot was given
+        self._delayed[rows] = joints.numpy()[:, :, None]
         self._batch.forward(rows, stage=int(mujoco.mjtStage.mjSTAGE_POS))
         self._read()
         self._qpos[rows, 2] -= self.foot_height[ids].amin(1).numpy()
