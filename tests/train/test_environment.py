@@ -160,7 +160,9 @@ def test_an_episode_that_lasts_is_a_time_out() -> None:
 
 def test_a_reject_edge_ends_the_episode_without_reward() -> None:
     # a rear foot on the ground after the grace period sends Half-Bound into its sink
-    env = make("half_bound", randomisation=ALIKE, terminations=Terminations(base_height=0.1))
+    low = Terminations(base_height=0.1)
+    rewards = Rewards(strict_above=0.0)
+    env = make("half_bound", randomisation=ALIKE, terminations=low, rewards=rewards)
     for _ in range(40):
         age = env.episode_length_buf.clone()
         _, rewards, done, _ = env.step(torch.zeros(ENVS, 12))
@@ -168,6 +170,15 @@ def test_a_reject_edge_ends_the_episode_without_reward() -> None:
             assert age[done].min() >= 20 and rewards[done].max() == 0.0
             return
     pytest.fail("a standing robot was never rejected")
+
+
+def test_until_the_demands_are_strict_a_forbidden_contact_only_earns_nothing() -> None:
+    low = Terminations(base_height=0.1)
+    env = make("half_bound", randomisation=ALIKE, terminations=low)
+    for _ in range(40):
+        _, rewards, done, _ = env.step(torch.zeros(ENVS, 12))
+    # it stands on all feet, which is forbidden after the grace period
+    assert not done.any() and (rewards == 0).all() and (env.state == env.table.start).all()
 
 
 def test_robots_differ_within_the_settings() -> None:

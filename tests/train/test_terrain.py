@@ -7,7 +7,7 @@ import torch
 
 from rmll_gaits.load import load_gait
 from rmll_robots import A1
-from rmll_train.curriculum import Levels, Pressure
+from rmll_train.curriculum import Demands, Levels
 from rmll_train.environment import GaitEnv
 from rmll_train.settings import Ground, Rewards, World
 from rmll_train.simulation import training_model
@@ -75,12 +75,19 @@ def test_who_masters_the_last_level_is_sent_to_any(terrain: Terrain) -> None:
 
 
 def test_pressure_grows_only_while_gait_and_speed_are_held_and_stays_in_its_range() -> None:
-    pressure = Pressure(Rewards(pressure=(0.5, 2.0)))
-    assert pressure.factor == 0.5
-    pressure.update(adherence=0.1, vx_error=0.0)
-    assert pressure.factor == 0.5
+    demands = Demands(Rewards(pressure=(0.5, 2.0)))
+    demands.update(adherence=0.1, vx_error=0.0)
+    assert demands.pressure == 0.5
     for _ in range(500):
-        pressure.update(adherence=0.99, vx_error=0.05)
-    assert pressure.factor == 2.0
-    pressure.update(adherence=0.99, vx_error=0.5)
-    assert pressure.factor < 2.0
+        demands.update(adherence=0.99, vx_error=0.05)
+    assert demands.pressure == 2.0
+    demands.update(adherence=0.99, vx_error=0.5)
+    assert demands.pressure < 2.0
+
+
+def test_reject_edges_open_once_the_gait_is_there_and_stay_open() -> None:
+    demands = Demands(Rewards(strict_above=0.7))
+    for adherence, strict in ((0.6, False), (0.71, True), (0.1, True)):
+        demands.update(adherence, vx_error=0.1)
+        assert demands.strict == strict
+    assert Demands(Rewards(strict_above=0.0)).strict

@@ -1,4 +1,4 @@
-"""What gets harder as the robots learn: the ground under each of them, and the price of effort."""
+"""What gets harder as the robots learn: the ground under each of them, and what is asked of all."""
 
 import torch
 from torch import Tensor
@@ -41,18 +41,22 @@ class Levels:
         return centres + (torch.rand(centres.shape, generator=self._generator) * 2 - 1) * SPOT
 
 
-class Pressure:
-    """The factor on all costs of R_walk, moved by how well the robots walk."""
+class Demands:
+    """What is asked of all robots alike, moved by how well they walk."""
 
     RATE = 1.02
-    """Factor between two updates of the learner"""
+    """Factor on the pressure from one rollout to the next"""
 
     def __init__(self, settings: Rewards):
         self._settings = settings
-        self.factor = settings.pressure[0]
+        self.pressure = settings.pressure[0]
+        """Factor on all costs of R_walk"""
+        self.strict = settings.strict_above <= 0
+        """Reject edges lead into the sink"""
 
     def update(self, adherence: float, vx_error: float) -> None:
         """After a rollout with these means over all robots."""
         settings, (low, high) = self._settings, self._settings.pressure
         holds = adherence > settings.hold_adherence and vx_error < settings.hold_vx_error
-        self.factor = min(high, max(low, self.factor * (self.RATE if holds else 1 / self.RATE)))
+        self.pressure = min(high, max(low, self.pressure * (self.RATE if holds else 1 / self.RATE)))
+        self.strict = self.strict or adherence > settings.strict_above

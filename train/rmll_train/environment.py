@@ -17,7 +17,7 @@ from rmll_gaits.schedule import transition_rate
 from rmll_gaits.table import MachineTable
 from rmll_robots import Robot
 from rmll_train import reward, terrain
-from rmll_train.curriculum import Levels, Pressure
+from rmll_train.curriculum import Demands, Levels
 from rmll_train.settings import World
 from rmll_train.simulation import DELAY_STEPS, PHYSICS_STEP, Simulation, Variation
 from rmll_train.tally import Tally
@@ -27,6 +27,15 @@ _BUFFERS = (
     "_rate", "_touched_before", "_air_time", "_last_action", "_last_joint_velocity",
     "_dwell_reward", "_made", "_allowed",
 )  # fmt: skip
+
+PRIVILEGED: observation.Layout = (
+    *observation.ESTIMATES,
+    observation.Field("projected_gravity", 3, 1.0),
+    observation.Field("angular_velocity", 3, 0.25),
+    observation.Field("base_height", 1, 1.0),
+    observation.Field("foot_down", 4, 1.0),
+)
+"""What the critic sees besides the policy's observation"""
 
 
 class GaitEnv(VecEnv):
@@ -44,11 +53,17 @@ class GaitEnv(VecEnv):
         self.dt = 1.0 / robot.policy_hz
         self.max_episode_length = round(world.episode * robot.policy_hz)
         self.layout = observation.layout(world.profile, table.num_states)
+        self.groups = {
+            "policy": self.layout,
+            "critic": self.layout + PRIVILEGED,
+            "estimate": observation.ESTIMATES,
+        }
+        """Fields of each observation group; those of ``estimate`` are not scaled"""
         self.generator = torch.Generator().manual_seed(seed)
         ground = terrain.build(world.ground, seed) if world.ground.kinds else None
         self.simulation = Simulation(robot, self.num_envs, self.dt, ground)
         self.levels = Levels(ground, world.ground, self.num_envs, self.generator)
-        self.pressure = Pressure(world.rewards)
+        self.demands = Demands(world.rewards)
         self.machine = machine.Machine.of(table, lambda array: torch.from_numpy(array.copy()))
         self._default = torch.tensor(robot.default_pose, dtype=torch.float32)
         self._lower = (
@@ -90,16 +105,10 @@ class GaitEnv(VecEnv):
     def _observe(self) -> TensorDict:
         """Observation groups of this moment, with newly drawn noise."""
         true = self._measured()
-        clean = self._assemble(true)
-        privileged = torch.cat(
-            [self._estimate_targets() * self._estimate_scales(), self.simulation.projected_gravity,
-             self.simulation.angular_velocity * 0.25, self.simulation.base_height[:, None],
-             self.down.float()], dim=1,
-        )  # fmt: skip
         groups = {
-            "policy": self._assemble(self._with_noise(true)),
-            "critic": torch.cat([clean, privileged], dim=1),
-            "estimate": self._estimate_targets(),
+            "policy": self._assemble("policy", self._with_noise(true)),
+            "critic": self._assemble("critic", true),
+            "estimate": torch.cat([true["velocity"], true["foot_height"]], dim=1),
         }
         return TensorDict(groups, batch_size=[self.num_envs])
 
@@ -110,17 +119,14 @@ class GaitEnv(VecEnv):
         failed = self.simulation.step(self.targets)
 
         landed_after = self._observe_contacts()
-        step = machine.step(
-            self.machine, self.state, self.phi, self.label, self.command[:, 2],
-            self.episode_length_buf,
-        )  # fmt: skip
+        step, wrong = self._step_machine()
         explained = machine.explained(self.machine, self.state, self.label)
-        rewards, walk = self._reward(taken, landed_after, step)
+        rewards, walk = self._reward(taken, landed_after, step, wrong)
         undefined = ~rewards.isfinite()
         self.failures += int((failed | undefined).sum())
         failed = failed | undefined
         ended = self._ended(taken) | step.rejected | failed
-        rewards = torch.where(step.rejected | failed, torch.zeros(()), rewards)
+        rewards = torch.where(failed, torch.zeros(()), rewards)
         self.state, self.phi = step.state, step.phi
         self._last_action = taken
         self._last_joint_velocity = self.simulation.joint_velocity.clone()
@@ -159,7 +165,8 @@ class GaitEnv(VecEnv):
             "observed": self._observed.to_dict(),
             "random": self.generator.get_state(),
             "level": self.levels.level.clone(),
-            "pressure": self.pressure.factor,
+            "pressure": self.demands.pressure,
+            "strict": self.demands.strict,
             "failures": self.failures,
         }
 
@@ -170,7 +177,7 @@ class GaitEnv(VecEnv):
         self._observed = TensorDict(saved["observed"], batch_size=[self.num_envs])
         self.generator.set_state(saved["random"])
         self.levels.level[:] = saved["level"]
-        self.pressure.factor = saved["pressure"]
+        self.demands.pressure, self.demands.strict = saved["pressure"], saved["strict"]
         self.failures = saved["failures"]
 
     # -- one policy step, in parts ------------------------------------------------------------
@@ -188,8 +195,24 @@ class GaitEnv(VecEnv):
         self._air_time = (self._air_time + self.dt) * ~self.touching
         return landed_after
 
+    def _step_machine(self) -> tuple[machine.Step, Tensor]:
+        """The automaton's step, and the robots whose contacts a reject edge forbids (n,).
+
+        Until the demands are strict these wait in their state instead of falling into the sink.
+        """
+        step = machine.step(
+            self.machine, self.state, self.phi, self.label, self.command[:, 2],
+            self.episode_length_buf,
+        )  # fmt: skip
+        wrong = step.rejected
+        if self.demands.strict:
+            return step, wrong
+        state = torch.where(wrong, self.state, step.state)
+        phi = torch.where(wrong, self.phi + 1, step.phi)
+        return machine.Step(state, phi, step.advanced, torch.zeros_like(wrong)), wrong
+
     def _reward(
-        self, taken: Tensor, landed_after: Tensor, step: machine.Step
+        self, taken: Tensor, landed_after: Tensor, step: machine.Step, wrong: Tensor
     ) -> tuple[Tensor, Tensor]:
         settings = self.world.rewards
         motion = reward.Motion(
@@ -198,9 +221,10 @@ class GaitEnv(VecEnv):
         walk = reward.walking(
             reward.terms(self.simulation, motion, settings, self.dt),
             settings,
-            self.pressure.factor,
+            self.demands.pressure,
             self.dt,
         )
+        walk = walk * ~wrong
         self._dwell_reward = self._dwell_reward + walk
         praised = walk if settings.bonus_on == "step" else self._dwell_reward / (self.phi + 1)
         self._dwell_reward = self._dwell_reward * ~step.advanced
@@ -292,6 +316,10 @@ class GaitEnv(VecEnv):
             "command_frequency": self.command[:, 2:3],
             "projected_gravity": simulation.projected_gravity,
             "angular_velocity": simulation.angular_velocity,
+            "velocity": simulation.base_velocity,
+            "foot_height": simulation.foot_height,
+            "base_height": simulation.base_height[:, None],
+            "foot_down": self.down.float(),
         }
 
     def _with_noise(self, true: dict[str, Tensor]) -> dict[str, Tensor]:
@@ -301,15 +329,11 @@ class GaitEnv(VecEnv):
                  for name, width in widths.items()}  # fmt: skip
         return true | noisy
 
-    def _assemble(self, parts: dict[str, Tensor]) -> Tensor:
-        out = torch.empty(self.num_envs, observation.size(self.layout))
-        return observation.write(out, self.layout, parts)
-
-    def _estimate_targets(self) -> Tensor:
-        return torch.cat([self.simulation.base_velocity, self.simulation.foot_height], dim=1)
-
-    def _estimate_scales(self) -> Tensor:
-        return torch.cat([torch.full((f.size,), f.scale) for f in observation.ESTIMATES])
+    def _assemble(self, group: str, parts: dict[str, Tensor]) -> Tensor:
+        fields = self.groups[group]
+        return observation.write(
+            torch.empty(self.num_envs, observation.size(fields)), fields, parts
+        )
 
     # -- bookkeeping --------------------------------------------------------------------------
 

@@ -41,6 +41,10 @@ class Rewards:
     """The factor grows above this adherence ..."""
     hold_vx_error: float = 0.15
     """... and below this error [m/s], both with exploration"""
+    strict_above: float = 0.7
+    """Adherence from which on reject edges lead into the sink, for good. Until then their contacts
+    only earn nothing: ended at the first wrong step, a robot never learns the second right one.
+    0 = from the beginning, as in the paper"""
     joint_limit: float = -10.0
     """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
     power: float = -0.01
@@ -214,7 +218,7 @@ def paper(settings: Settings) -> Settings:
     """The paper's observation, rewards and learner; what we added is off."""
     rewards = replace(
         settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0,
-        pressure=(1.0, 1.0),
+        pressure=(1.0, 1.0), strict_above=0.0,
     )  # fmt: skip
     randomisation = replace(
         settings.world.randomisation, added_mass=(0.0, 0.0), centre_of_mass=0.0,

@@ -98,9 +98,10 @@ class _Run:
         self._seconds += elapsed
 
         walked = env.take_tally().metrics()
-        env.pressure.update(walked["adherence"], walked["vx_error"])
+        env.demands.update(walked["adherence"], walked["vx_error"])
         metrics = walked | {
-            "pressure": env.pressure.factor,
+            "pressure": env.demands.pressure,
+            "strict": float(env.demands.strict),
             "action_std": float(learner.policy.output_std.detach().mean()),
             "learning_rate": learner.learning_rate,
             "failures": float(env.failures),
