@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmll_hil.outcome import Outcome, at, column, times
+from rmll_onboard.supervisor import Mode
 from rmll_robots import Robot
 
 GRAVITY = 9.81
@@ -77,10 +78,11 @@ def _velocity_errors(
 def _falls(outcome: Outcome, start: int, end: int) -> int:
     """Touches of the ground from the first step on, until the robot sits down on purpose.
 
-    A fault ends in damping, never in sitting down, so what follows it counts.
+    A fault while walking ends in damping, without sitting down, so what follows it counts.
     """
     truth = outcome.truth
-    last = truth["time_ns"][-1] if outcome.report["fault"] else end
+    sat_down = any(row["mode"] == Mode.SITTING_DOWN for row in outcome.log)
+    last = end if sat_down else truth["time_ns"][-1]
     grounded = _between(truth, start, last)["grounded"]
     return int((grounded[1:] & ~grounded[:-1]).sum())
 

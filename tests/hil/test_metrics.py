@@ -73,8 +73,10 @@ def test_errors_follow_a_command_that_changes() -> None:
     assert summary(outcome, "trot", A1)["vx_error"] == pytest.approx((0.4 + 2.5) / 9, rel=0.01)
 
 
-def test_falls_are_counted_while_walking_only() -> None:
-    outcome = walk()
+@pytest.mark.parametrize("fault", [None, "tilted while it sat down"])
+def test_falls_are_counted_while_walking_only(fault: str | None) -> None:
+    outcome = walk(fault)
+    outcome.log.append(outcome.log[-1] | {"t_ns": str(END + SECOND), "mode": "sitting_down"})
     for start, end in [(0.0, 1.0), (6.0, 7.0), (8.0, 8.1), (15.0, 20.0)]:
         ground(outcome, start, end)
     assert summary(outcome, "trot", A1)["falls"] == 2
