@@ -214,3 +214,24 @@ def test_noise_reaches_the_policy_but_not_the_critic() -> None:
     assert torch.equal(first["critic"], second["critic"])
     assert torch.equal(second["policy"], second["critic"][:, :size])
     assert not torch.equal(first["policy"], second["policy"])
+
+
+def test_fixed_commands_outlast_episodes_and_draws() -> None:
+    env = make(episode=0.1, command_interval=0.04)
+    wanted = torch.rand(ENVS, 3) + torch.tensor([0.0, 0.0, 8.0])
+    env.fix_commands(wanted)
+    for count in range(20):
+        env.step(3 * random_actions(env, count))
+        assert torch.equal(env.command, wanted)
+
+
+def test_a_robots_own_sums_are_a_part_of_all() -> None:
+    env = make()
+    for count in range(40):
+        env.step(random_actions(env, count))
+    tally = env.take_tally()
+    one, every = [tally.robot(i).metrics() for i in range(ENVS)], tally.metrics()
+    assert tally.robot(3).steps.tolist() == [40.0]
+    for name in ("off_spec_contact", "vx_error", "wz_error", "walk_reward"):
+        assert np.mean([metrics[name] for metrics in one]) == pytest.approx(every[name], rel=1e-3)
+    assert env.take_tally().steps.sum() == 0

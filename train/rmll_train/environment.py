@@ -73,7 +73,8 @@ class GaitEnv(VecEnv):
             torch.tensor(robot.joint_upper, dtype=torch.float32) + world.terminations.joint_margin
         )
         self._one_hot = torch.eye(table.num_states)
-        self._tally = Tally()
+        self._tally = Tally.zeros(self.num_envs)
+        self._fixed: Tensor | None = None
         self.failures = 0
         """Robots put back so far because their physics or reward was not finite"""
 
@@ -148,13 +149,13 @@ class GaitEnv(VecEnv):
 
     def take_tally(self) -> Tally:
         """Sums since the last call."""
-        tally, self._tally = self._tally, Tally()
+        tally, self._tally = self._tally, Tally.zeros(self.num_envs)
         return tally
 
-    def fix_commands(self, vx: float, wz: float, frequency: float) -> None:
-        """Give every robot the same commands, until the next draw."""
-        self.command[:] = torch.tensor([vx, wz, frequency])
-        self._rate[:] = transition_rate(self.table, frequency)
+    def fix_commands(self, commands: Tensor) -> None:
+        """From now on each robot keeps its row of ``commands``, (n, 3), or all keep (3,)."""
+        self._fixed = commands.expand(self.num_envs, 3)
+        self._draw_commands(torch.arange(self.num_envs))
         self._observed = self._observe()
 
     def state_dict(self) -> dict[str, Any]:
@@ -292,13 +293,16 @@ class GaitEnv(VecEnv):
             memory[ids] = 0.0
 
     def _draw_commands(self, ids: Tensor) -> None:
-        ranges, count = self.table.commands, (len(ids),)
-        low, high = ranges.frequency
-        self.command[ids, 0] = self._uniform(count, *ranges.vx)
-        self.command[ids, 1] = self._uniform(count, *ranges.wz)
-        self.command[ids, 2] = torch.randint(
-            round(low), round(high) + 1, count, generator=self.generator
-        ).float()
+        if self._fixed is not None:
+            self.command[ids] = self._fixed[ids]
+        else:
+            ranges, count = self.table.commands, (len(ids),)
+            low, high = ranges.frequency
+            self.command[ids, 0] = self._uniform(count, *ranges.vx)
+            self.command[ids, 1] = self._uniform(count, *ranges.wz)
+            self.command[ids, 2] = torch.randint(
+                round(low), round(high) + 1, count, generator=self.generator
+            ).float()
         self._rate[ids] = transition_rate(self.table, self.command[ids, 2])
 
     # -- observations -------------------------------------------------------------------------
@@ -343,22 +347,20 @@ class GaitEnv(VecEnv):
         simulation, tally = self.simulation, self._tally
         self._made = self._made + step.advanced
         self._allowed = self._allowed + self._rate
-        power = (simulation.torque * simulation.joint_velocity).abs().sum()
-        tally.steps += self.num_envs
-        tally.transitions += float(step.advanced.sum())
-        tally.allowed += float(self._rate.sum())
-        tally.off_spec += float((~explained).sum())
-        tally.vx_error += float((self.command[:, 0] - simulation.base_velocity[:, 0]).abs().sum())
-        tally.wz_error += float(
-            (self.command[:, 1] - simulation.angular_velocity[:, 2]).abs().sum()
-        )
-        tally.energy += float(power) * self.dt
-        tally.distance += float(simulation.base_velocity[:, :2].norm(dim=1).sum()) * self.dt
-        tally.walk_reward += float(walk.sum())
-        tally.level += float(self.levels.level.sum())
-        tally.episodes += int(done.sum())
-        tally.ends += int(ended.sum())
-        tally.length += float(self.episode_length_buf[done].sum())
+        power = (simulation.torque * simulation.joint_velocity).abs().sum(1)
+        tally.steps += 1
+        tally.transitions += step.advanced
+        tally.allowed += self._rate
+        tally.off_spec += ~explained
+        tally.vx_error += (self.command[:, 0] - simulation.base_velocity[:, 0]).abs()
+        tally.wz_error += (self.command[:, 1] - simulation.angular_velocity[:, 2]).abs()
+        tally.energy += power * self.dt
+        tally.distance += simulation.base_velocity[:, :2].norm(dim=1) * self.dt
+        tally.walk_reward += walk
+        tally.level += self.levels.level
+        tally.episodes += done
+        tally.ends += ended
+        tally.length += self.episode_length_buf * done
 
     def _uniform(self, shape: tuple[int, ...], low: float, high: float) -> Tensor:
         return torch.rand(shape, generator=self.generator) * (high - low) + low

@@ -1,8 +1,10 @@
 """The policy without exploration in the trainer's world: its metrics, and the golden trace."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import torch
+from tensordict import TensorDict
 from torch import Tensor
 
 from rmll_contract.contract import Trace, float_lists
@@ -18,7 +20,7 @@ TRACE_SEED = 7
 
 
 @torch.no_grad()
-def evaluate(actor: EstimatingActor, env: GaitEnv, steps: int) -> Tally:
+def evaluate(actor: Callable[[TensorDict], Tensor], env: GaitEnv, steps: int) -> Tally:
     """Walk all robots of ``env`` for ``steps`` policy steps, after a second that does not count."""
     for step in range(steps + env.robot.policy_hz):
         if step == env.robot.policy_hz:
@@ -39,7 +41,7 @@ def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, worl
         table, robot, replace(world, envs=1, ground=Ground(), randomisation=quiet), TRACE_SEED
     )
     low, high = table.commands.frequency
-    env.fix_commands(0.5 * table.commands.vx[1], 0.0, round((low + high) / 2))
+    env.fix_commands(torch.tensor([0.5 * table.commands.vx[1], 0.0, round((low + high) / 2)]))
     rows = []
     for _ in range(TRACE_STEPS):
         obs = env.get_observations()

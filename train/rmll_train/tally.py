@@ -1,43 +1,55 @@
 """Sums over robots and steps, and the project's metrics from them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+import torch
+from torch import Tensor
 
 
 @dataclass
 class Tally:
-    """Plain sums, over all robots, since the last :meth:`GaitEnv.take_tally`."""
+    """Sums since the last :meth:`GaitEnv.take_tally`, each (n,), one number a robot."""
 
-    steps: int = 0
-    transitions: float = 0.0
-    allowed: float = 0.0
+    steps: Tensor
+    transitions: Tensor
+    allowed: Tensor
     """transitions that the frequency commands allowed"""
-    off_spec: float = 0.0
+    off_spec: Tensor
     """steps whose label neither an edge nor a hold explains"""
-    vx_error: float = 0.0
-    wz_error: float = 0.0
-    energy: float = 0.0
+    vx_error: Tensor
+    wz_error: Tensor
+    energy: Tensor
     """[J]"""
-    distance: float = 0.0
+    distance: Tensor
     """[m]"""
-    walk_reward: float = 0.0
-    level: float = 0.0
-    episodes: int = 0
-    ends: int = 0
+    walk_reward: Tensor
+    level: Tensor
+    episodes: Tensor
+    ends: Tensor
     """episodes that ended before their time"""
-    length: float = 0.0
+    length: Tensor
     """[policy steps] of the ended episodes"""
 
+    @classmethod
+    def zeros(cls, robots: int) -> "Tally":
+        return cls(**{field.name: torch.zeros(robots) for field in fields(cls)})
+
+    def robot(self, index: int) -> "Tally":
+        """The sums of one robot."""
+        return Tally(**{name: sums[index : index + 1] for name, sums in vars(self).items()})
+
     def metrics(self) -> dict[str, float]:
-        """Means under the names that every report of the project uses."""
-        steps = max(self.steps, 1)
+        """Means over all robots, under the names that every report of the project uses."""
+        total = {name: float(sums.sum()) for name, sums in vars(self).items()}
+        steps, episodes = max(total["steps"], 1.0), max(total["episodes"], 1.0)
         return {
-            "adherence": self.transitions / max(self.allowed, 1e-9),
-            "off_spec_contact": self.off_spec / steps,
-            "vx_error": self.vx_error / steps,
-            "wz_error": self.wz_error / steps,
-            "energy_per_metre": self.energy / max(self.distance, 1e-3),
-            "walk_reward": self.walk_reward / steps,
-            "level": self.level / steps,
-            "early_ends": self.ends / max(self.episodes, 1),
-            "episode_steps": self.length / max(self.episodes, 1),
+            "adherence": total["transitions"] / max(total["allowed"], 1e-9),
+            "off_spec_contact": total["off_spec"] / steps,
+            "vx_error": total["vx_error"] / steps,
+            "wz_error": total["wz_error"] / steps,
+            "energy_per_metre": total["energy"] / max(total["distance"], 1e-3),
+            "walk_reward": total["walk_reward"] / steps,
+            "level": total["level"] / steps,
+            "early_ends": total["ends"] / episodes,
+            "episode_steps": total["length"] / episodes,
         }
