@@ -74,7 +74,7 @@ def test_the_automaton_agrees_with_a_numpy_replay_of_its_labels() -> None:
     env = make("three_one", seed=1)
     table = Machine.of(env.table)
     down = np.ones((ENVS, 4), bool)
-    state, phi = np.zeros(ENVS, int), np.zeros(ENVS, int)
+    state, phi = env.state.numpy().copy(), np.zeros(ENVS, int)
     for count in range(60):
         age, frequency = env.episode_length_buf.numpy().copy(), env.command[:, 2].numpy().copy()
         _, _, done, _ = env.step(0.5 * random_actions(env, count))
@@ -85,7 +85,7 @@ def test_the_automaton_agrees_with_a_numpy_replay_of_its_labels() -> None:
         assert np.array_equal(env.state.numpy()[going], step.state[going])
         assert np.array_equal(env.phi.numpy()[going], step.phi[going])
         down[~going], state, phi = True, step.state, step.phi
-        state[~going], phi[~going] = env.table.start, 0
+        state[~going], phi[~going] = env.state.numpy()[~going], 0
 
 
 def test_a_transition_earns_the_bonus_on_its_own_step() -> None:
@@ -110,6 +110,12 @@ def test_rewards_are_never_negative(form: str) -> None:
     env = make(rewards=Rewards(form=form))
     for count in range(30):
         assert env.step(3 * random_actions(env, count))[1].min() >= 0
+
+
+def test_episodes_begin_in_any_state_but_the_sink() -> None:
+    env = GaitEnv(load_gait("half_bound"), A1, World(envs=64), 0)
+    assert set(env.state.tolist()) == {0, 1, 2, 3}
+    assert set(make("half_bound", start="first").state.tolist()) == {0}
 
 
 def test_commands_stay_in_the_gaits_ranges() -> None:
@@ -161,8 +167,8 @@ def test_an_episode_that_lasts_is_a_time_out() -> None:
 def test_a_reject_edge_ends_the_episode_without_reward() -> None:
     # a rear foot on the ground after the grace period sends Half-Bound into its sink
     low = Terminations(base_height=0.1)
-    rewards = Rewards(strict_above=0.0)
-    env = make("half_bound", randomisation=ALIKE, terminations=low, rewards=rewards)
+    strict = Rewards(strict_above=0.0)
+    env = make("half_bound", start="first", randomisation=ALIKE, terminations=low, rewards=strict)
     for _ in range(40):
         age = env.episode_length_buf.clone()
         _, rewards, done, _ = env.step(torch.zeros(ENVS, 12))
@@ -174,7 +180,7 @@ def test_a_reject_edge_ends_the_episode_without_reward() -> None:
 
 def test_until_the_demands_are_strict_a_forbidden_contact_only_earns_nothing() -> None:
     low = Terminations(base_height=0.1)
-    env = make("half_bound", randomisation=ALIKE, terminations=low)
+    env = make("half_bound", start="first", randomisation=ALIKE, terminations=low)
     for _ in range(40):
         _, rewards, done, _ = env.step(torch.zeros(ENVS, 12))
     # it stands on all feet, which is forbidden after the grace period

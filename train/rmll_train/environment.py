@@ -280,7 +280,7 @@ class GaitEnv(VecEnv):
         self.simulation.place(ids, self.levels.spots(ids), joints, twist)
         self._draw_commands(ids)
         self.episode_length_buf[ids] = 0
-        self.state[ids] = self.table.start
+        self.state[ids] = self._first_states(count)
         self.phi[ids] = 0
         for flags in (self.down, self.touching, self._touched_before):
             flags[ids] = True
@@ -291,6 +291,12 @@ class GaitEnv(VecEnv):
             self._made, self._allowed,
         ):  # fmt: skip
             memory[ids] = 0.0
+
+    def _first_states(self, count: int) -> Tensor:
+        if self.world.start == "first":
+            return torch.full((count,), self.table.start)
+        states = [s for s in range(self.table.num_states) if s != self.table.sink]
+        return torch.tensor(states)[torch.randint(len(states), (count,), generator=self.generator)]
 
     def _draw_commands(self, ids: Tensor) -> None:
         if self._fixed is not None:

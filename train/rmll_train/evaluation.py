@@ -38,7 +38,10 @@ def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, worl
         noise=Noise(0.0, 0.0, 0.0, 0.0),
     )  # fmt: skip
     env = GaitEnv(
-        table, robot, replace(world, envs=1, ground=Ground(), randomisation=quiet), TRACE_SEED
+        table,
+        robot,
+        replace(world, envs=1, start="first", ground=Ground(), randomisation=quiet),
+        TRACE_SEED,
     )
     low, high = table.commands.frequency
     env.fix_commands(torch.tensor([0.5 * table.commands.vx[1], 0.0, round((low + high) / 2)]))

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from rmll_gaits.errors import Failure
 from rmll_train.environment import GaitEnv
+from rmll_train.mirroring import MirroredStorage, reflection
 from rmll_train.network import EstimatingActor, MLPModel, estimate_loss
 from rmll_train.settings import Learner
 
@@ -77,7 +78,13 @@ class GaitPPO(PPO):
             },
         )  # fmt: skip
         critic = MLPModel(obs, OBSERVATION_GROUPS, "critic", 1, hidden_dims=s.hidden)
-        storage = RolloutStorage("rl", env.num_envs, s.rollout, obs, [env.num_actions])
+        self.reflection = reflection(env, s.symmetry)
+        shape = ("rl", env.num_envs, s.rollout, obs, [env.num_actions])
+        storage = (
+            MirroredStorage(self.reflection, actor, *shape)
+            if self.reflection
+            else RolloutStorage(*shape)
+        )
         super().__init__(
             actor, critic, storage, num_learning_epochs=s.epochs, num_mini_batches=s.mini_batches,
             clip_param=s.clip, gamma=s.gamma, lam=s.lam, entropy_coef=s.entropy,
@@ -112,7 +119,7 @@ class GaitPPO(PPO):
         observed = self.storage.observations.flatten(0, 1)
         losses = super().update()
         # after PPO: within its epochs the estimates stay those that the actions were drawn from
-        losses["estimator"] = self._update_estimator(observed["policy"], observed["estimate"])
+        losses["estimator"] = self._update_estimator(observed)
         skipped_all = (
             self.skipped_steps - before >= self.num_learning_epochs * self.num_mini_batches
         )
@@ -126,7 +133,11 @@ class GaitPPO(PPO):
         """Optimiser steps left out so far."""
         return self.optimizer.skipped + self.estimator_optimizer.skipped
 
-    def _update_estimator(self, own: Tensor, true: Tensor) -> float:
+    def _update_estimator(self, observed: TensorDict) -> float:
+        if self.reflection is not None:
+            mirrored = torch.rand(len(observed)) < 0.5
+            observed = torch.where(mirrored, self.reflection.observations(observed), observed)
+        own, true = observed["policy"], observed["estimate"]
         total = 0.0
         batches = torch.randperm(len(own)).chunk(self.estimator_batches)
         for batch in batches:

@@ -144,6 +144,9 @@ class World:
     """[s]"""
     command_interval: float = 10.0
     """[s] between two draws of the commands within an episode"""
+    start: Literal["any", "first"] = "any"
+    """State of the automaton in which an episode begins. From any state, each pose of the gait is
+    tried from the first episodes on, not only once all those before it are mastered"""
     contact_force: float = 1.0
     """[N]"""
     clearance: float = 0.03
@@ -182,6 +185,8 @@ class Learner:
     """divide rewards by a running standard deviation of the discounted return"""
     bf16: bool = True
     """matrix products of the update in bfloat16"""
+    symmetry: Literal["auto"] | bool = "auto"
+    """show half of the samples mirrored, left and right swapped; "auto": if the gait allows it"""
 
 
 @dataclass(frozen=True)
@@ -225,11 +230,11 @@ def paper(settings: Settings) -> Settings:
         strength=(1.0, 1.0), delay=(0.0, 0.0),
     )  # fmt: skip
     world = replace(
-        settings.world, profile="paper", command_interval=settings.world.episode,
+        settings.world, profile="paper", command_interval=settings.world.episode, start="first",
         rewards=rewards, randomisation=randomisation,
     )  # fmt: skip
     learner = replace(settings.learner, steps=100_000_000, normalise_returns=False, bf16=False,
-                      clip_value=True)  # fmt: skip
+                      clip_value=True, symmetry=False)  # fmt: skip
     return replace(settings, world=world, learner=learner)
 
 
