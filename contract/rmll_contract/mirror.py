@@ -17,14 +17,14 @@ from rmll_robots import Robot
 
 
 class Mirror(NamedTuple):
-    """The mirror image of a vector (..., n) is ``vector[..., index] * sign``."""
+    """The mirror image of a vector (..., n) is ``vector[..., source] * sign``."""
 
-    index: NDArray[np.int64]
+    source: NDArray[np.int64]
     sign: NDArray[np.float32]
 
 
-def _mirror(index: Sequence[int], sign: Sequence[int]) -> Mirror:
-    return Mirror(np.array(index), np.array(sign, np.float32))
+def _mirror(source: Sequence[int], sign: Sequence[int]) -> Mirror:
+    return Mirror(np.array(source), np.array(sign, np.float32))
 
 
 _SAME = _mirror([0], [1])
@@ -56,13 +56,13 @@ def mirror_layout(fields: Sequence[Field], states: Sequence[int]) -> Mirror:
     """The mirror of an observation with these fields; ``states`` is each state's mirror image."""
     # states is its own inverse, so it is also where the mirrored one-hot reads from
     parts = _FIELDS | {"rm_state": _mirror(states, [1] * len(states))}
-    index, sign, start = [], [], 0
+    source, sign, start = [], [], 0
     for field in fields:
         part = parts[field.name]
-        index.append(start + part.index)
+        source.append(start + part.source)
         sign.append(part.sign)
         start += field.size
-    return Mirror(np.concatenate(index), np.concatenate(sign))
+    return Mirror(np.concatenate(source), np.concatenate(sign))
 
 
 def mirror_action(robot: Robot) -> Mirror:
@@ -71,7 +71,7 @@ def mirror_action(robot: Robot) -> Mirror:
     Raises InputError when the robot's default pose is not its own mirror image: mirrored actions
     would not be mirrored motions.
     """
-    image = robot.default_pose[_JOINTS.index] * _JOINTS.sign
+    image = robot.default_pose[_JOINTS.source] * _JOINTS.sign
     if not np.allclose(image, robot.default_pose, rtol=0.0, atol=1e-9):
         crooked = robot.joint_names[int(np.abs(image - robot.default_pose).argmax())]
         raise InputError(

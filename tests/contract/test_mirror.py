@@ -18,7 +18,7 @@ ACTION = mirror_action(A1)
 
 
 def image(vector: np.ndarray, mirror: Mirror) -> np.ndarray:
-    return vector[..., mirror.index] * mirror.sign
+    return vector[..., mirror.source] * mirror.sign
 
 
 def mirrored(parts: dict[str, np.ndarray], states: tuple[int, ...]) -> dict[str, np.ndarray]:
@@ -42,7 +42,7 @@ def test_the_image_of_the_image_is_the_observation(gait, profile, seed):
     mirror = mirror_layout(fields, states)
     vector = np.random.default_rng(seed).normal(size=(3, observation.size(fields)))
     assert np.array_equal(image(image(vector, mirror), mirror), vector)
-    assert sorted(mirror.index) == list(range(observation.size(fields)))
+    assert sorted(mirror.source) == list(range(observation.size(fields)))
 
 
 @given(st.integers(0, 999))

@@ -26,6 +26,14 @@ def test_a_file_names_only_what_differs(tmp_path: Path) -> None:
     assert changed.learner == Settings().learner
 
 
+@pytest.mark.parametrize("text, value", [("auto", "auto"), ("on", True), ("off", False)])
+def test_symmetry_is_on_off_or_where_the_gait_allows_it(
+    tmp_path: Path, text: str, value: bool | str
+) -> None:
+    path = write(tmp_path, f"learner: {{symmetry: {text}}}\n")
+    assert load(path, Settings()).learner.symmetry == value
+
+
 @pytest.mark.parametrize(
     "text, expected",
     [

@@ -81,7 +81,7 @@ class GaitPPO(PPO):
         self.reflection = reflection(env, s.symmetry)
         shape = ("rl", env.num_envs, s.rollout, obs, [env.num_actions])
         storage = (
-            MirroredStorage(self.reflection, actor, *shape)
+            MirroredStorage(self.reflection, actor, s.bf16, *shape)
             if self.reflection
             else RolloutStorage(*shape)
         )
@@ -119,7 +119,9 @@ class GaitPPO(PPO):
         observed = self.storage.observations.flatten(0, 1)
         losses = super().update()
         # after PPO: within its epochs the estimates stay those that the actions were drawn from
-        losses["estimator"] = self._update_estimator(observed)
+        if self.reflection is not None:
+            observed = self.reflection.mixed(observed)
+        losses["estimator"] = self._update_estimator(observed["policy"], observed["estimate"])
         skipped_all = (
             self.skipped_steps - before >= self.num_learning_epochs * self.num_mini_batches
         )
@@ -133,11 +135,7 @@ class GaitPPO(PPO):
         """Optimiser steps left out so far."""
         return self.optimizer.skipped + self.estimator_optimizer.skipped
 
-    def _update_estimator(self, observed: TensorDict) -> float:
-        if self.reflection is not None:
-            mirrored = torch.rand(len(observed)) < 0.5
-            observed = torch.where(mirrored, self.reflection.observations(observed), observed)
-        own, true = observed["policy"], observed["estimate"]
+    def _update_estimator(self, own: Tensor, true: Tensor) -> float:
         total = 0.0
         batches = torch.randperm(len(own)).chunk(self.estimator_batches)
         for batch in batches:

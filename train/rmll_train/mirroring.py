@@ -4,8 +4,8 @@ In each epoch each transition is shown as it was or mirrored, at even odds, so t
 hardly more than without symmetry; appending the mirror images, as rsl-rl does, doubles it.
 
 A mirrored action was drawn by the mirrored policy, hence the PPO ratio is taken to that one's
-probability, which is the stored one (Mittal et al. 2024). The change of the policy that steers the
-learning rate is another thing: from the old policy at the mirrored observation to the new one there.
+probability, which is the stored one (Mittal et al. 2024). The policy's change that steers the
+learning rate is measured at the mirrored observation, where the old policy is asked again.
 """
 
 from collections.abc import Generator
@@ -36,6 +36,12 @@ class Reflection:
         images = {name: _image(obs[name], mirror) for name, mirror in self._groups.items()}
         return TensorDict(images, batch_size=obs.batch_size)
 
+    def mixed(self, obs: TensorDict) -> TensorDict:
+        """Rows (n,) of which each is mirrored at even odds."""
+        images, mirrored = self.observations(obs), torch.rand(len(obs), 1) < 0.5
+        rows = {name: torch.where(mirrored, images[name], obs[name]) for name in self._groups}
+        return TensorDict(rows, batch_size=obs.batch_size)
+
     def actions(self, actions: Tensor) -> Tensor:
         return _image(actions, self._action)
 
@@ -56,44 +62,52 @@ def reflection(env: GaitEnv, wanted: bool | str) -> Reflection | None:
 class MirroredStorage(RolloutStorage):
     """A rollout whose mini-batches show each transition as it was or mirrored."""
 
-    def __init__(self, reflection: Reflection, actor: MLPModel, *args: Any):
+    def __init__(self, reflection: Reflection, actor: MLPModel, bf16: bool, *args: Any):
         super().__init__(*args)
-        self._reflection, self._actor = reflection, actor
+        self._reflection, self._actor, self._bf16 = reflection, actor, bf16
 
     def mini_batch_generator(
         self, num_mini_batches: int, num_epochs: int = 8
     ) -> Generator[RolloutStorage.Batch, None, None]:
         """As rsl-rl's; the first must be taken before the policy changes."""
-        whole = next(super().mini_batch_generator(1, 1))
-        assert whole.observations is not None and whole.actions is not None
-        images = self._reflection.observations(whole.observations)
-        with torch.no_grad():
+        assert self.distribution_params is not None
+        plain = self.observations.flatten(0, 1)
+        images = self._reflection.observations(plain)
+        with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, self._bf16):
             self._actor(images, stochastic_output=True)
-            image_params = self._actor.output_distribution_params
         # rows 0..count-1 are the transitions, the same number after them their mirror images
-        count = len(whole.actions)
-        observations = torch.cat([whole.observations, images])
-        actions = torch.cat([whole.actions, self._reflection.actions(whole.actions)])
-        params = [torch.cat(pair) for pair in zip(whole.old_distribution_params, image_params)]
+        count = len(plain)
+        observations = TensorDict.cat([plain, images])
+        taken = self.actions.flatten(0, 1)
+        actions = torch.cat([taken, self._reflection.actions(taken)])
+        params = [
+            torch.cat([old.flatten(0, 1), image])
+            for old, image in zip(
+                self.distribution_params, self._actor.output_distribution_params, strict=True
+            )
+        ]
+        log_prob, values, advantages, returns = (
+            stored.flatten(0, 1)
+            for stored in (self.actions_log_prob, self.values, self.advantages, self.returns)
+        )
         for _ in range(num_epochs):
-            shown = torch.arange(count) + count * torch.randint(2, (count,))
-            for rows in torch.arange(count).tensor_split(num_mini_batches):
-                pick = shown[rows]
+            for rows in torch.randperm(count).tensor_split(num_mini_batches):
+                shown = rows + count * torch.randint(2, rows.shape)
                 yield RolloutStorage.Batch(
-                    observations=observations[pick],
-                    actions=actions[pick],
-                    values=whole.values[rows],
-                    advantages=whole.advantages[rows],
-                    returns=whole.returns[rows],
-                    old_actions_log_prob=whole.old_actions_log_prob[rows],
-                    old_distribution_params=tuple(param[pick] for param in params),
+                    observations=observations[shown],
+                    actions=actions[shown],
+                    old_distribution_params=tuple(param[shown] for param in params),
+                    old_actions_log_prob=log_prob[rows],
+                    values=values[rows],
+                    advantages=advantages[rows],
+                    returns=returns[rows],
                 )
 
 
 def _image(vector: Tensor, mirror: tuple[Tensor, Tensor]) -> Tensor:
-    index, sign = mirror
-    return vector[..., index] * sign
+    source, sign = mirror
+    return vector[..., source] * sign
 
 
 def _tensors(mirror: Mirror) -> tuple[Tensor, Tensor]:
-    return torch.from_numpy(mirror.index), torch.from_numpy(mirror.sign)
+    return torch.from_numpy(mirror.source), torch.from_numpy(mirror.sign)
