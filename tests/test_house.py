@@ -17,6 +17,7 @@ PACKAGES = {
     "rmll_export": "export",
     "rmll_onboard": "onboard",
     "rmll_hil": "hil",
+    "rmll_eval": "eval",
 }
 MAY_IMPORT = {
     "rmll_gaits": set(),
@@ -27,6 +28,7 @@ MAY_IMPORT = {
     "rmll_export": {"rmll_gaits", "rmll_robots", "rmll_contract"},
     "rmll_onboard": {"rmll_gaits", "rmll_robots", "rmll_contract"},
     "rmll_hil": {"rmll_gaits", "rmll_robots", "rmll_contract", "rmll_view", "rmll_onboard"},
+    "rmll_eval": set(PACKAGES),
 }
 HEAVY = {"torch", "mujoco", "onnx", "matplotlib", "rsl_rl", "tensorboard", "safetensors"}
 

@@ -47,10 +47,10 @@ def test_the_base_install_is_small(base: Path, tmp_path: Path) -> None:
     assert not names & {"torch", "mujoco", "onnx", "matplotlib", "lark", "rich"}
 
 
-@pytest.mark.parametrize("command", ["rmll-gait", "rmll-train", "rmll-export", "rmll-hil"])
+@pytest.mark.parametrize("command", ["gait", "train", "export", "hil", "eval"])
 def test_commands_whose_extra_is_missing_name_it(base: Path, tmp_path: Path, command: str) -> None:
-    done = call(base, tmp_path, command, "--help")
-    extra = {"rmll-gait": "view"}.get(command, command.removeprefix("rmll-"))
+    done = call(base, tmp_path, f"rmll-{command}", "--help")
+    extra = {"gait": "view", "eval": "hil"}.get(command, command)
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1
     assert f"pip install 'rmll[{extra}]'" in done.stderr

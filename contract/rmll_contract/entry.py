@@ -23,6 +23,10 @@ def hil() -> None:
     _start("rmll-hil", "rmll_hil.cli", "hil")
 
 
+def evaluate() -> None:
+    _start("rmll-eval", "rmll_eval.cli", "hil")
+
+
 def _start(prog: str, module: str, extra: str) -> None:
     try:
         command = import_module(module)

@@ -36,12 +36,8 @@ class Checkpoint:
 
 def find(gait: str, runs: Path, shipped: Path) -> Path:
     """The newest finished run of ``gait``, else its shipped checkpoint; InputError if neither."""
-    finished = sorted(
-        (result.stat().st_mtime, result.with_name("policy.safetensors"))
-        for result in (runs / gait).glob("*/result.yaml")
-    )
-    if finished:
-        return finished[-1][1]
+    if newest := newest_run(gait, runs):
+        return newest
     path = shipped / f"{gait}.safetensors"
     if path.is_file():
         return path
@@ -51,6 +47,15 @@ def find(gait: str, runs: Path, shipped: Path) -> Path:
         f"no finished run of {gait!r} in {runs}/ and no {path}; "
         f"there is: {', '.join(sorted(names)) or 'none'}"
     )
+
+
+def newest_run(gait: str, runs: Path) -> Path | None:
+    """The policy of the newest finished run of ``gait``, None without one."""
+    finished = sorted(
+        (result.stat().st_mtime, result.with_name("policy.safetensors"))
+        for result in (runs / gait).glob("*/result.yaml")
+    )
+    return finished[-1][1] if finished else None
 
 
 def read(path: Path) -> Checkpoint:

@@ -1,0 +1,85 @@
+"""All walks of one policy in one world, and what they come to."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from rmll_eval.paper import FLAT, Reference
+from rmll_eval.walk import ENERGY, METRICS, Walk, fallen, faulted, mean, worst
+
+_WORLDS = {"emulator": "in the emulator", "trainer": "in the trainer's world"}
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Walks of equal length, over a grid of commands or with drawn ones."""
+
+    gait: str
+    policy: str
+    """File that it comes from"""
+    world: str
+    """emulator or trainer"""
+    seconds: float
+    """of each walk"""
+    seed: int
+    walks: Sequence[Walk]
+
+    @property
+    def title(self) -> str:
+        count = len(self.walks)
+        plural = "s" if count > 1 else ""
+        return (
+            f"{self.gait} {_WORLDS[self.world]}: {count} walk{plural} of {self.seconds:g} s, "
+            f"{fallen(self.walks)} with a fall"
+        )
+
+    @property
+    def reference(self) -> Reference | None:
+        """The paper's energy of this gait, None for a gait that it does not have."""
+        return FLAT.get(self.gait)
+
+    def at_the_papers_speeds(self) -> list[Walk]:
+        """Walks with a speed at which the paper measured this gait's energy."""
+        if self.reference is None:
+            return []
+        low, high = self.reference.vx
+        return [walk for walk in self.walks if low <= walk.trial.vx <= high]
+
+    def axes(self) -> tuple[list[float], list[float]]:
+        """Speeds and frequencies of a grid's walks, rising."""
+        trials = [walk.trial for walk in self.walks]
+        return sorted({t.vx for t in trials}), sorted({t.frequency for t in trials})
+
+    def cell(self, vx: float, frequency: float) -> list[Walk]:
+        """The walks of a grid with this command."""
+        wanted = vx, frequency
+        return [walk for walk in self.walks if (walk.trial.vx, walk.trial.frequency) == wanted]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values: mean and worst of every metric, the paper's energy, and each walk."""
+        walks, reference = self.walks, self.reference
+        compared = self.at_the_papers_speeds()
+        return {
+            "gait": self.gait,
+            "policy": self.policy,
+            "world": self.world,
+            "seconds": self.seconds,
+            "seed": self.seed,
+            "episodes": len(walks),
+            "falls": fallen(walks),
+            "faults": faulted(walks),
+            **{m.name: {"mean": mean(m, walks), "worst": worst(m, walks)} for m in METRICS},
+            "energy_at_the_papers_speeds": reference
+            and {
+                "vx": reference.vx,
+                "episodes": len(compared),
+                "energy_per_metre": mean(ENERGY, compared),
+                "paper": reference.energy_per_metre,
+            },
+            "walks": [_flat(walk) for walk in walks],
+        }
+
+
+def _flat(walk: Walk) -> dict[str, Any]:
+    plain = asdict(walk)
+    return plain.pop("trial") | plain

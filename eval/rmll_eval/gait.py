@@ -1,0 +1,128 @@
+"""``rmll-eval gait``: a policy over the commands it was trained for, in one of two worlds."""
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from json import dumps
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from rmll_eval import emulated, policy
+from rmll_eval.evaluation import Evaluation
+from rmll_eval.extra import needs
+from rmll_eval.picture import picture
+from rmll_eval.tables import show
+from rmll_eval.trial import Trial, draw, grid
+from rmll_eval.walk import Walk
+from rmll_gaits.errors import InputError
+from rmll_hil import results
+from rmll_onboard.bundle import load_bundle
+from rmll_onboard.controller import prove
+
+World = Literal["emulator", "trainer"]
+GRID_SECONDS, EPISODE_SECONDS = 6.0, 20.0
+
+
+def gait(
+    name: Annotated[str, tyro.conf.Positional],
+    *,
+    world: World = "emulator",
+    speeds: tuple[float, ...] = (),
+    frequencies: tuple[float, ...] = (),
+    repeats: int = 1,
+    episodes: int | None = None,
+    seconds: float | None = None,
+    seed: int = 0,
+    run: bool = False,
+    runs: Path = Path("runs"),
+    policies: Path = Path("policies"),
+    jobs: int | None = None,
+    json: bool = False,
+    out: Path | None = None,
+) -> None:
+    """Measure how well a policy keeps its gait and follows its commands, and what it costs.
+
+    Straight walks over a grid of speeds and frequencies, with heat maps; or, with --episodes,
+    walks with random commands, turns among them. They go through the daemon's own code in the
+    emulator, or through the trainer's world (needs torch).
+
+    Example: rmll-eval gait trot --episodes 20
+
+    Args:
+        name: A gait, a bundle (.onnx) or a checkpoint (.safetensors).
+        world: "emulator" is nearest to the robot; "trainer" has the noise, robots and pushes of
+            training on flat ground, and counts every early end of an episode as a fall.
+        speeds: Forward speeds of the grid [m/s]; 9 over the gait's range by default.
+        frequencies: c_f of the grid [policy steps]; each whole one of the gait's by default.
+        repeats: Walks in each cell of the grid.
+        episodes: Walk that often with random commands instead of over the grid.
+        seconds: Length of a walk; 6 on the grid, 20 with --episodes by default.
+        seed: Of the commands and the worlds.
+        run: Take the newest finished run of the gait instead of the shipped policy.
+        runs: Where rmll-train puts its runs.
+        policies: Where the shipped bundles are.
+        jobs: Emulators at a time; as many as there are processors by default.
+        json: Print one JSON object.
+        out: Picture of the grid to write; a new file in hil-runs/ by default.
+    """
+    as_grid = episodes is None
+    if seconds is None:
+        seconds = GRID_SECONDS if as_grid else EPISODE_SECONDS
+    if jobs is None:
+        jobs = os.cpu_count() or 1
+    _check_least(repeats=repeats, episodes=episodes, seconds=seconds, seed=seed, jobs=jobs)
+    if not as_grid and (speeds or frequencies or out or repeats != 1):
+        raise InputError("--episodes draws commands: it has no grid to shape, repeat or picture")
+    if out is not None and (out.suffix != ".png" or not out.parent.is_dir()):
+        raise InputError(f"--out {out}: expected a .png file in a folder that exists")
+    with tempfile.TemporaryDirectory(prefix="rmll-eval-") as scratch:
+        path, source = policy.find(name, run, runs, policies, Path(scratch))
+        bundle = load_bundle(path)
+        prove(bundle)
+        commands = bundle.table.commands
+        if episodes is None:
+            trials = grid(commands, speeds, frequencies, repeats, seed)
+        else:
+            trials = draw(commands, episodes, seed)
+        walks = list(_followed(_walks(world, path, trials, seconds, jobs), len(trials)))
+    evaluation = Evaluation(bundle.contract.gait, str(source), world, seconds, seed, walks)
+    if json:
+        print(dumps(evaluation.to_dict()))
+    else:
+        show(evaluation, as_grid)
+    if as_grid:
+        target = out or results.folder(None, f"{evaluation.gait}-grid") / "grid.png"
+        picture(evaluation).savefig(target, dpi=150)
+        print(target, file=sys.stderr)
+
+
+def _walks(
+    world: World, bundle: Path, trials: Sequence[Trial], seconds: float, jobs: int
+) -> Iterator[Walk]:
+    if world == "emulator":
+        return emulated.walks(bundle, trials, seconds, jobs)
+    with needs("--world trainer", "train"):
+        from rmll_eval import trained
+    return trained.walks(bundle, trials, seconds)
+
+
+def _followed(walks: Iterable[Walk], total: int) -> Iterator[Walk]:
+    """The same walks, with a bar on stderr."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
+               TimeRemainingColumn())  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        yield from bar.track(walks, total=total, description="walks")
+
+
+def _check_least(**values: float | None) -> None:
+    """Raises InputError, which names the flag."""
+    least = {"repeats": 1, "episodes": 1, "seconds": 2, "seed": 0, "jobs": 1}
+    for name, value in values.items():
+        # written so that NaN is refused too
+        if value is not None and not value >= least[name]:
+            raise InputError(f"--{name} {value:g}: expected at least {least[name]}")

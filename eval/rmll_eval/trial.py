@@ -1,0 +1,70 @@
+"""What is asked of the robot: the commands and the seed of each walk."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from rmll_gaits.errors import InputError
+from rmll_gaits.table import Commands
+
+GRID_SPEEDS = 9
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One walk with one command."""
+
+    vx: float
+    """[m/s]"""
+    wz: float
+    """[rad/s]"""
+    frequency: float
+    """c_f [policy steps]"""
+    seed: int
+    """Of all randomness of the walk"""
+
+
+def grid(
+    commands: Commands,
+    speeds: Sequence[float],
+    frequencies: Sequence[float],
+    repeats: int,
+    seed: int,
+) -> list[Trial]:
+    """Straight walks at each speed and frequency, ``repeats`` times, each with a seed of its own.
+
+    Without speeds, evenly spaced ones over what was trained; without frequencies, each whole one.
+    Raises InputError, which names the flag, for a command that was not trained.
+    """
+    low, high = commands.frequency
+    speeds = speeds or [float(v) for v in np.linspace(*commands.vx, GRID_SPEEDS)]
+    frequencies = frequencies or [float(n) for n in range(round(low), round(high) + 1)]
+    _check("speeds", speeds, commands.vx)
+    _check("frequencies", frequencies, commands.frequency)
+    cells = product(sorted(set(speeds)), sorted(set(frequencies)), range(repeats))
+    return [Trial(vx, 0.0, n, seed + index) for index, (vx, n, _) in enumerate(cells)]
+
+
+def draw(commands: Commands, episodes: int, seed: int) -> list[Trial]:
+    """Walks with commands drawn evenly from what was trained, c_f in whole steps as in training."""
+    rng = np.random.default_rng(seed)
+    low, high = commands.frequency
+    return [
+        Trial(
+            vx=float(rng.uniform(*commands.vx)),
+            wz=float(rng.uniform(*commands.wz)),
+            frequency=float(rng.integers(round(low), round(high), endpoint=True)),
+            seed=seed + index,
+        )
+        for index in range(episodes)
+    ]
+
+
+def _check(flag: str, values: Sequence[float], limits: tuple[float, float]) -> None:
+    low, high = limits
+    for value in values:
+        # written so that NaN is refused too
+        if not low <= value <= high:
+            raise InputError(f"--{flag} {value:g}: this gait was trained for {low:g} to {high:g}")
