@@ -80,7 +80,8 @@ def _realtime(
 def _progress(messages: Console, gait: str, seconds: float) -> Iterator[Callable[[float], None]]:
     """A bar on stderr; the robot's way up and down are part of it."""
     motion = Motion()
-    total = motion.crouch + motion.rise + motion.settle + seconds + motion.sit
+    up, down = motion.crouch + motion.rise + motion.settle, motion.slow_down + motion.sit
+    total = up + seconds + down
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns, console=messages, transient=True) as bar:
         task = bar.add_task(gait, total=total)

@@ -16,7 +16,7 @@ from rmll_onboard.bundle import Bundle
 from rmll_onboard.controller import Controller
 from rmll_onboard.foot_contact import FootContact
 from rmll_onboard.log import Log
-from rmll_onboard.pilot import Pilot
+from rmll_onboard.pilot import Orders, Pilot
 from rmll_onboard.settings import Settings
 from rmll_onboard.supervisor import NS, Mode, Request, Supervisor
 
@@ -51,6 +51,7 @@ class Daemon:
             bundle.robot, settings, walk_pose, (contract.kp, contract.kd), contract.torque_limit
         )
         self._walk = _Walk(bundle)
+        self._halt = _Halt(settings.motion.slow_down)
 
     def tick(self, now: int, datagram: bytes | None) -> bytes:
         """Answer one datagram (None: none came) at ``now`` [ns, monotonic]; never raises."""
@@ -62,8 +63,10 @@ class Daemon:
             supervisor.trip("emergency stop on the remote")
         before = supervisor.mode
         orders = self._pilot.orders(now, before, pressed)
-        request = Request.SIT if self.stopping else orders.request
-        mode = supervisor.update(now, state, fresh, gravity, request)
+        if self.stopping:
+            orders = orders._replace(request=Request.SIT)
+        orders = self._halt.ease(now, before, orders)
+        mode = supervisor.update(now, state, fresh, gravity, orders.request)
         if mode is Mode.WALKING and before is not Mode.WALKING:
             self._controller.reset()
             self._feet.reset()
@@ -73,7 +76,8 @@ class Daemon:
         self.policy_ran = due and mode is Mode.WALKING
         if self.policy_ran:
             self._step_policy(gravity, orders.command)
-            self._walk.count(now, self._controller)
+            if not self._halt.under_way:
+                self._walk.count(now, self._controller)
         command = supervisor.command(now, state, self._target)
         if due and self._log is not None:
             self._log.append(now, supervisor.mode, self._controller)
@@ -118,8 +122,34 @@ class Daemon:
         )
 
 
+class _Halt:
+    """The way out of walking: some steps on the spot first, for at speed the robot tips over."""
+
+    def __init__(self, seconds: float) -> None:
+        self._duration = int(seconds * NS)
+        self._since: int | None = None
+        self._then = Request.STAND
+
+    @property
+    def under_way(self) -> bool:
+        return self._since is not None
+
+    def ease(self, now: int, mode: Mode, orders: Orders) -> Orders:
+        """The orders to follow instead. WALK calls a halt off; a fault does not ask for one."""
+        if mode is not Mode.WALKING or orders.request is Request.WALK:
+            self._since = None
+        elif orders.request is not None:
+            self._since = now if self._since is None else self._since
+            self._then = orders.request
+        if self._since is None:
+            return orders
+        _, _, frequency = orders.command
+        over = now - self._since >= self._duration
+        return Orders(self._then if over else None, (0.0, 0.0, frequency))
+
+
 class _Walk:
-    """Counts of all policy steps so far."""
+    """Counts of all policy steps so far, those of a halt left out."""
 
     def __init__(self, bundle: Bundle) -> None:
         self._table = bundle.table

@@ -56,6 +56,10 @@ class Motion(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     crouch: Annotated[Seconds, Meta(description="[s] from where the legs are to folded")] = 1.0
     rise: Annotated[Seconds, Meta(description="[s] from folded to standing")] = 2.0
     settle: Annotated[Seconds, Meta(description="[s] to the policy's own pose")] = 0.5
+    slow_down: Annotated[
+        Seconds,
+        Meta(description="[s] of walking on the spot before standing still or sitting down"),
+    ] = 1.0
     sit: Annotated[Seconds, Meta(description="[s] down to folded legs")] = 2.0
 
 

@@ -170,7 +170,8 @@ def bundle(bundle_path) -> Bundle:
 def brisk() -> Settings:
     """All movements in a tenth of a second."""
     return Settings(
-        link=Link(startup_timeout=0.3), motion=Motion(crouch=0.1, rise=0.1, settle=0.1, sit=0.1)
+        link=Link(startup_timeout=0.3),
+        motion=Motion(crouch=0.1, rise=0.1, settle=0.1, slow_down=0.1, sit=0.1),
     )
 
 

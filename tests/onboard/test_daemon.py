@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from rmll_gaits.load import load_gait
 from rmll_onboard import a1_wire, remote
 from rmll_onboard.bundle import load_bundle
-from rmll_onboard.daemon import Daemon
+from rmll_onboard.daemon import Daemon, _Halt
 from rmll_onboard.log import Log
-from rmll_onboard.pilot import FlagPilot, RemotePilot
+from rmll_onboard.pilot import FlagPilot, Orders, RemotePilot
 from rmll_onboard.remote import Button, Remote
+from rmll_onboard.supervisor import Mode, Request
 from rmll_robots import A1
 
 WALK = (0.5, 0.0, 8.0)
@@ -142,11 +143,31 @@ def test_l2_and_b_stop_for_good(by_remote, robot, walking):
 def test_stopping_sits_down_and_finishes(by_flags, robot):
     by_flags.until_walking()
     by_flags.daemon.stopping = True
-    by_flags.tick()
+    by_flags.run(0.09)
+    assert robot.last.kp[0] == A1.kp  # on the spot first
+    by_flags.run(0.02)
     assert robot.last.kp[0] == A1.stand_kp
     by_flags.run(1)
     assert by_flags.daemon.finished
     assert robot.damped
+
+
+def test_a_halt_forgets_the_command_and_a_called_off_one_remembers_it():
+    halt = _Halt(seconds=1.0)
+    walk = Orders(None, WALK)
+
+    def at(seconds, request, mode=Mode.WALKING):
+        return halt.ease(int(seconds * 1e9), mode, walk._replace(request=request))
+
+    assert at(0.0, None) == walk
+    assert at(0.1, Request.STAND) == Orders(None, (0.0, 0.0, WALK[2]))
+    assert at(0.2, None) == Orders(None, (0.0, 0.0, WALK[2]))  # a button need not be held
+    assert at(0.3, Request.WALK).command == WALK
+    assert at(0.4, Request.SIT).request is None
+    assert at(1.3, None).request is None
+    assert at(1.4, None) == Orders(Request.SIT, (0.0, 0.0, WALK[2]))
+    assert at(1.5, Request.SIT, Mode.SITTING_DOWN).request is Request.SIT
+    assert not halt.under_way
 
 
 def silence(lockstep):
@@ -226,8 +247,8 @@ def test_the_log_has_a_row_every_policy_period(bundle, brisk, robot):
     order = list(dict.fromkeys(mode for mode in modes if mode != "standing"))
     assert order == ["damping", "standing_up", "walking", "sitting_down"]
     walking = [row for row in rows if row["mode"] == "walking"]
-    assert len(walking) == 51
-    assert {row["vx"] for row in walking} == {"0.5"}
+    assert len(walking) == 51 + 5
+    assert [float(row["vx"]) for row in walking] == [0.5] * 51 + [0.0] * 5  # the halt
     assert sum(float(row["advanced"]) for row in walking) == pytest.approx(6, abs=1)
     for row in walking:
         down = [int(row[f"down_{foot}"]) for foot in ("FR", "FL", "RR", "RL")]

@@ -89,8 +89,9 @@ def test_the_automaton_agrees_with_a_numpy_replay_of_its_labels() -> None:
 
 
 def test_a_transition_earns_the_bonus_on_its_own_step() -> None:
-    env = make(rewards=Rewards(bonus_on="step", bonus=1000.0))
-    plain = make(rewards=Rewards(bonus_on="step", bonus=1.0))
+    table, plain_rewards = load_gait("trot"), Rewards(bonus_on="step", bonus=1.0)
+    env = GaitEnv(table, A1, World(envs=64, rewards=replace(plain_rewards, bonus=1000.0)), 0)
+    plain = GaitEnv(table, A1, World(envs=64, rewards=plain_rewards), 0)
     seen = 0
     for count in range(200):
         action = random_actions(env, count)
