@@ -68,6 +68,7 @@ class GaitPPO(PPO):
 
     def __init__(self, env: GaitEnv, settings: Learner):
         s = settings
+        self._rate_range = s.rate_range
         obs = env.get_observations()
         actor = EstimatingActor(
             obs, OBSERVATION_GROUPS, "actor", env.num_actions, hidden_dims=s.hidden,
@@ -102,6 +103,16 @@ class GaitPPO(PPO):
         self.estimator_batches = s.estimator_batches
         self.return_scale = ReturnScale(env.num_envs, s.gamma) if s.normalise_returns else None
         self._lost_updates = 0
+
+    @property
+    def learning_rate(self) -> float:
+        return self._learning_rate
+
+    @learning_rate.setter
+    def learning_rate(self, wanted: float) -> None:
+        """rsl-rl's schedule sets it after every mini-batch; kept within our own bounds."""
+        low, high = self._rate_range
+        self._learning_rate = min(high, max(low, wanted))
 
     def process_env_step(
         self, obs: TensorDict, rewards: Tensor, dones: Tensor, extras: dict[str, Any]

@@ -169,6 +169,10 @@ class Learner:
     mini_batches: int = 4
     hidden: tuple[int, ...] = (256, 256, 256)
     learning_rate: float = 1e-3
+    """at the beginning"""
+    rate_range: tuple[float, float] = (2e-4, 2e-3)
+    """Bounds within which the learning rate follows ``desired_kl``. With rsl-rl's own, 1e-5 to 1e-2,
+    rare bonuses drive it to the lower one, where nothing is learned"""
     desired_kl: float = 0.01
     clip: float = 0.2
     clip_value: bool = False
@@ -234,7 +238,7 @@ def paper(settings: Settings) -> Settings:
         rewards=rewards, randomisation=randomisation,
     )  # fmt: skip
     learner = replace(settings.learner, steps=100_000_000, normalise_returns=False, bf16=False,
-                      clip_value=True, symmetry=False)  # fmt: skip
+                      clip_value=True, symmetry=False, rate_range=(1e-5, 1e-2))  # fmt: skip
     return replace(settings, world=world, learner=learner)
 
 
