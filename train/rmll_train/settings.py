@@ -171,8 +171,8 @@ class Learner:
     learning_rate: float = 1e-3
     """at the beginning"""
     rate_range: tuple[float, float] = (2e-4, 2e-3)
-    """Bounds within which the learning rate follows ``desired_kl``. With rsl-rl's own, 1e-5 to 1e-2,
-    rare bonuses drive it to the lower one, where nothing is learned"""
+    """Bounds within which the learning rate follows ``desired_kl``. With rsl-rl's own, 1e-5 to
+    1e-2, rare bonuses drive it to the lower one, where nothing is learned"""
     desired_kl: float = 0.01
     clip: float = 0.2
     clip_value: bool = False
