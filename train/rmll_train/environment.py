@@ -232,15 +232,23 @@ class GaitEnv(VecEnv):
         return torch.where(step.advanced, praised * settings.bonus, walk), walk
 
     def _ended(self, taken: Tensor) -> Tensor:
+        """Robots whose episode ends before its time: at first only who is down, when the demands
+        are strict also who is about to break a limit."""
         simulation, limit = self.simulation, self.world.terminations
+        down = (
+            (simulation.base_height < limit.base_down)
+            | (simulation.knee_height.amin(1) < limit.knee_height)
+            | (simulation.projected_gravity[:, 2] > -0.5)  # 60 degrees: on its way to the ground
+        )
+        if not self.demands.strict:
+            return down
         position = simulation.joint_position
         return (
-            (simulation.base_height < limit.base_height)
-            | (simulation.knee_height.amin(1) < limit.knee_height)
+            down
+            | (simulation.base_height < limit.base_height)
             | (simulation.foot_height.amax(1) > limit.foot_height)
             | ((position < self._lower) | (position > self._upper)).any(1)
             | ((taken - self._last_action).abs().sum(1) > limit.action_rate)
-            | (simulation.projected_gravity[:, 2] > -0.5)  # 60 degrees: on its way to the ground
         )
 
     def _disturb(self) -> None:

@@ -42,9 +42,10 @@ class Rewards:
     hold_vx_error: float = 0.15
     """... and below this error [m/s], both with exploration"""
     strict_above: float = 0.7
-    """Adherence from which on reject edges lead into the sink, for good. Until then their contacts
-    only earn nothing: ended at the first wrong step, a robot never learns the second right one.
-    0 = from the beginning, as in the paper"""
+    """Adherence from which on, for good, reject edges lead into the sink and episodes end at every
+    limit of ``Terminations``. Until then forbidden contacts only earn nothing, and an episode ends
+    when the robot is down: ended at the first wrong step, it never learns the second right one.
+    0 = strict from the beginning, as in the paper"""
     joint_limit: float = -10.0
     """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
     power: float = -0.01
@@ -124,6 +125,8 @@ class Terminations:
 
     base_height: float = 0.25
     """[m] lower than this"""
+    base_down: float = 0.15
+    """[m] lower than this, also while the demands are not strict yet"""
     knee_height: float = 0.03
     """[m] a knee lower than this: something other than a foot is on the ground"""
     joint_margin: float = 0.05
