@@ -117,6 +117,7 @@ def test_episodes_begin_in_any_state_but_the_sink() -> None:
     env = GaitEnv(load_gait("half_bound"), A1, World(envs=64), 0)
     assert set(env.state.tolist()) == {0, 1, 2, 3}
     assert set(make("half_bound", start="first").state.tolist()) == {0}
+    assert set(make("half_bound", rewards=Rewards(strict_above=0.0)).state.tolist()) == {0}
 
 
 def test_commands_stay_in_the_gaits_ranges() -> None:

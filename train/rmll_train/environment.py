@@ -301,7 +301,7 @@ class GaitEnv(VecEnv):
             memory[ids] = 0.0
 
     def _first_states(self, count: int) -> Tensor:
-        if self.world.start == "first":
+        if self.world.start == "first" or self.demands.strict:
             return torch.full((count,), self.table.start)
         states = [s for s in range(self.table.num_states) if s != self.table.sink]
         return torch.tensor(states)[torch.randint(len(states), (count,), generator=self.generator)]

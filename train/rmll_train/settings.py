@@ -148,8 +148,9 @@ class World:
     command_interval: float = 10.0
     """[s] between two draws of the commands within an episode"""
     start: Literal["any", "first"] = "any"
-    """State of the automaton in which an episode begins. From any state, each pose of the gait is
-    tried from the first episodes on, not only once all those before it are mastered"""
+    """State of the automaton in which an episode begins until the demands are strict. From any
+    state, each pose of the gait is tried from the first episodes on, not only once all those before
+    it are mastered; later, and on the robot, the first state is where a standing robot begins"""
     contact_force: float = 1.0
     """[N]"""
     clearance: float = 0.03
