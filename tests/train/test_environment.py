@@ -79,7 +79,7 @@ def test_the_automaton_agrees_with_a_numpy_replay_of_its_labels() -> None:
         age, frequency = env.episode_length_buf.numpy().copy(), env.command[:, 2].numpy().copy()
         _, _, done, _ = env.step(0.5 * random_actions(env, count))
         # a finished episode starts anew inside step(): follow only the others
-        down = label.hysteresis(down, env.touching.numpy(), env.clear.numpy())
+        down = label.hysteresis(down, env.contacts.touching.numpy(), env.contacts.clear.numpy())
         step = machine.step(table, state, phi, label.label(down.astype(int)), frequency, age)
         going = ~done.numpy()
         assert np.array_equal(env.state.numpy()[going], step.state[going])

@@ -12,20 +12,20 @@ from tensordict import TensorDict
 from torch import Tensor
 
 from rmll_contract import action, observation
-from rmll_gaits import label, machine
+from rmll_gaits import machine
 from rmll_gaits.schedule import transition_rate
 from rmll_gaits.table import MachineTable
 from rmll_robots import Robot
-from rmll_train import reward, terrain
+from rmll_train import ending, reward, terrain
+from rmll_train.contacts import Contacts
 from rmll_train.curriculum import Demands, Levels
 from rmll_train.settings import World
 from rmll_train.simulation import DELAY_STEPS, PHYSICS_STEP, Simulation, Variation
 from rmll_train.tally import Tally
 
 _BUFFERS = (
-    "episode_length_buf", "state", "phi", "down", "touching", "clear", "label", "command",
-    "_rate", "_touched_before", "_air_time", "_last_action", "_last_joint_velocity",
-    "_dwell_reward", "_made", "_allowed",
+    "episode_length_buf", "state", "phi", "command", "_rate", "_last_action",
+    "_last_joint_velocity", "_dwell_reward", "_made", "_allowed",
 )  # fmt: skip
 
 PRIVILEGED: observation.Layout = (
@@ -66,12 +66,6 @@ class GaitEnv(VecEnv):
         self.demands = Demands(world.rewards)
         self.machine = machine.Machine.of(table, lambda array: torch.from_numpy(array.copy()))
         self._default = torch.tensor(robot.default_pose, dtype=torch.float32)
-        self._lower = (
-            torch.tensor(robot.joint_lower, dtype=torch.float32) - world.terminations.joint_margin
-        )
-        self._upper = (
-            torch.tensor(robot.joint_upper, dtype=torch.float32) + world.terminations.joint_margin
-        )
         self._one_hot = torch.eye(table.num_states)
         self._tally = Tally.zeros(self.num_envs)
         self._fixed: Tensor | None = None
@@ -82,14 +76,9 @@ class GaitEnv(VecEnv):
         self.episode_length_buf = torch.zeros(n, dtype=torch.long)
         self.state = torch.zeros(n, dtype=torch.long)
         self.phi = torch.zeros(n, dtype=torch.long)
-        self.down = torch.ones(n, 4, dtype=torch.bool)
-        self.touching = torch.ones(n, 4, dtype=torch.bool)
-        self.clear = torch.zeros(n, 4, dtype=torch.bool)
-        self.label = torch.full((n,), label.NUM_LABELS - 1)
+        self.contacts = Contacts(n, world, self.dt)
         self.command = torch.zeros(n, 3)
         self._rate = torch.zeros(n)  # transitions a step that the command allows
-        self._touched_before = torch.ones(n, 4, dtype=torch.bool)
-        self._air_time = torch.zeros(n, 4)
         self._last_action = torch.zeros(n, self.num_actions)
         self._last_joint_velocity = torch.zeros(n, self.num_actions)
         self._dwell_reward = torch.zeros(n)
@@ -119,9 +108,9 @@ class GaitEnv(VecEnv):
         self.targets = action.targets(taken, self._default, scale, clip)
         failed = self.simulation.step(self.targets)
 
-        landed_after = self._observe_contacts()
+        landed_after = self.contacts.observe(self.simulation)
         step, wrong = self._step_machine()
-        explained = machine.explained(self.machine, self.state, self.label)
+        explained = machine.explained(self.machine, self.state, self.contacts.label)
         rewards, walk = self._reward(taken, landed_after, step, wrong)
         undefined = ~rewards.isfinite()
         self.failures += int((failed | undefined).sum())
@@ -161,7 +150,7 @@ class GaitEnv(VecEnv):
     def state_dict(self) -> dict[str, Any]:
         """Everything that :meth:`load_state_dict` needs to go on from here."""
         return {
-            "buffers": {name: getattr(self, name).clone() for name in _BUFFERS},
+            "buffers": {name: buffer.clone() for name, buffer in self._buffers().items()},
             "simulation": self.simulation.state_dict(),
             "observed": self._observed.to_dict(),
             "random": self.generator.get_state(),
@@ -172,8 +161,8 @@ class GaitEnv(VecEnv):
         }
 
     def load_state_dict(self, saved: dict[str, Any]) -> None:
-        for name, value in saved["buffers"].items():
-            getattr(self, name)[:] = value
+        for name, buffer in self._buffers().items():
+            buffer[:] = saved["buffers"][name]
         self.simulation.load_state_dict(saved["simulation"])
         self._observed = TensorDict(saved["observed"], batch_size=[self.num_envs])
         self.generator.set_state(saved["random"])
@@ -181,20 +170,11 @@ class GaitEnv(VecEnv):
         self.demands.pressure, self.demands.strict = saved["pressure"], saved["strict"]
         self.failures = saved["failures"]
 
-    # -- one policy step, in parts ------------------------------------------------------------
+    def _buffers(self) -> dict[str, Tensor]:
+        owners = ((self, _BUFFERS), (self.contacts, Contacts.BUFFERS))
+        return {name: getattr(owner, name) for owner, names in owners for name in names}
 
-    def _observe_contacts(self) -> Tensor:
-        """Update labels; returns (n, 4) seconds in the air of feet that touch down now, else 0."""
-        touched = self.simulation.foot_force > self.world.contact_force
-        # one step of memory: a foot that bounces off for 20 ms has not lifted
-        self.touching = touched | self._touched_before
-        self._touched_before = touched
-        self.clear = self.simulation.foot_height >= self.world.clearance
-        self.down = label.hysteresis(self.down, self.touching, self.clear)
-        self.label = label.label(self.down.long())
-        landed_after = self._air_time * self.touching
-        self._air_time = (self._air_time + self.dt) * ~self.touching
-        return landed_after
+    # -- one policy step, in parts ------------------------------------------------------------
 
     def _step_machine(self) -> tuple[machine.Step, Tensor]:
         """The automaton's step, and the robots whose contacts a reject edge forbids (n,).
@@ -202,7 +182,7 @@ class GaitEnv(VecEnv):
         Until the demands are strict these wait in their state instead of falling into the sink.
         """
         step = machine.step(
-            self.machine, self.state, self.phi, self.label, self.command[:, 2],
+            self.machine, self.state, self.phi, self.contacts.label, self.command[:, 2],
             self.episode_length_buf,
         )  # fmt: skip
         wrong = step.rejected
@@ -233,23 +213,12 @@ class GaitEnv(VecEnv):
 
     def _ended(self, taken: Tensor) -> Tensor:
         """Robots whose episode ends before its time: at first only who is down, when the demands
-        are strict also who is about to break a limit."""
-        simulation, limit = self.simulation, self.world.terminations
-        down = (
-            (simulation.base_height < limit.base_down)
-            | (simulation.knee_height.amin(1) < limit.knee_height)
-            | (simulation.projected_gravity[:, 2] > -0.5)  # 60 degrees: on its way to the ground
-        )
-        if not self.demands.strict:
-            return down
-        position = simulation.joint_position
-        return (
-            down
-            | (simulation.base_height < limit.base_height)
-            | (simulation.foot_height.amax(1) > limit.foot_height)
-            | ((position < self._lower) | (position > self._upper)).any(1)
-            | ((taken - self._last_action).abs().sum(1) > limit.action_rate)
-        )
+        are strict also who breaks a limit."""
+        limit = self.world.terminations
+        over = ending.down(self.simulation, limit)
+        if self.demands.strict:
+            over |= ending.beyond_limits(self.simulation, limit, taken - self._last_action)
+        return over
 
     def _disturb(self) -> None:
         """Pushes, and new commands within an episode."""
@@ -290,13 +259,10 @@ class GaitEnv(VecEnv):
         self.episode_length_buf[ids] = 0
         self.state[ids] = self._first_states(count)
         self.phi[ids] = 0
-        for flags in (self.down, self.touching, self._touched_before):
-            flags[ids] = True
-        self.clear[ids] = False
-        self.label[ids] = label.NUM_LABELS - 1
+        self.contacts.begin(ids)
         for memory in (
-            self._air_time, self._last_action, self._last_joint_velocity, self._dwell_reward,
-            self._made, self._allowed,
+            self._last_action, self._last_joint_velocity, self._dwell_reward, self._made,
+            self._allowed,
         ):  # fmt: skip
             memory[ids] = 0.0
 
@@ -337,7 +303,7 @@ class GaitEnv(VecEnv):
             "velocity": simulation.base_velocity,
             "foot_height": simulation.foot_height,
             "base_height": simulation.base_height[:, None],
-            "foot_down": self.down.float(),
+            "foot_down": self.contacts.down.float(),
         }
 
     def _with_noise(self, true: dict[str, Tensor]) -> dict[str, Tensor]:

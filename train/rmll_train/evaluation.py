@@ -51,7 +51,7 @@ def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, worl
         senses = _inputs(env)
         action = actor(obs)
         answers = {
-            "label": env.label,
+            "label": env.contacts.label,
             "state": env.state,
             "phi": env.phi,
             "observation": obs["policy"],
@@ -72,8 +72,8 @@ def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, worl
 def _inputs(env: GaitEnv) -> dict[str, Tensor]:
     simulation = env.simulation
     return {
-        "touching": env.touching,
-        "clear": env.clear,
+        "touching": env.contacts.touching,
+        "clear": env.contacts.clear,
         "joint_position": simulation.joint_position,
         "joint_velocity": simulation.joint_velocity,
         "projected_gravity": simulation.projected_gravity,

@@ -1,0 +1,32 @@
+"""When an episode ends before its time."""
+
+import torch
+from torch import Tensor
+
+from rmll_train.settings import Terminations
+from rmll_train.simulation import Simulation
+
+TIPPED = -0.5
+"""z of the gravity vector in the base frame beyond which a robot (60 degrees) goes to the ground"""
+
+
+def down(simulation: Simulation, limit: Terminations) -> Tensor:
+    """Robots (n,) that are on the ground with more than their feet, or about to be."""
+    return (
+        (simulation.base_height < limit.base_down)
+        | (simulation.knee_height.amin(1) < limit.knee_height)
+        | (simulation.projected_gravity[:, 2] > TIPPED)
+    )
+
+
+def beyond_limits(simulation: Simulation, limit: Terminations, action_change: Tensor) -> Tensor:
+    """Robots (n,) whose posture, joints or change of action (n, 12) break a limit."""
+    robot, position = simulation.robot, simulation.joint_position
+    lower = torch.tensor(robot.joint_lower, dtype=torch.float32) - limit.joint_margin
+    upper = torch.tensor(robot.joint_upper, dtype=torch.float32) + limit.joint_margin
+    return (
+        (simulation.base_height < limit.base_height)
+        | (simulation.foot_height.amax(1) > limit.foot_height)
+        | ((position < lower) | (position > upper)).any(1)
+        | (action_change.abs().sum(1) > limit.action_rate)
+    )
