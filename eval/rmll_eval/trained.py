@@ -35,6 +35,7 @@ def walks(bundle: Path, trials: Sequence[Trial], seconds: float) -> Iterator[Wal
     robot, hz = loaded.robot, loaded.robot.policy_hz
     world = replace(_world(loaded), envs=len(trials), episode=seconds + _SETTLING, ground=Ground())
     env = GaitEnv(loaded.table, robot, world, trials[0].seed)
+    env.demands.strict = True  # whoever has learned the gait is measured by all of its rules
     env.fix_commands(torch.tensor([[t.vx, t.wz, t.frequency] for t in trials]))
     tally = evaluate(actor(bundle), env, round(seconds * hz))
     for index, trial in enumerate(trials):
@@ -61,11 +62,21 @@ def actor(bundle: Path) -> Callable[[TensorDict], Tensor]:
     estimator, policy = _mlp(weights, "estimator"), _mlp(weights, "policy")
     scale = weights["estimate_scale"]
 
-    def act(observed: TensorDict) -> Tensor:
-        own = observed["policy"]
+    def answer(own: Tensor) -> Tensor:
         return policy(torch.cat([own, estimator(own) * scale], dim=-1))
 
-    return act
+    def folded(own: Tensor) -> Tensor:
+        turned = own @ weights["turned_states"]
+        seen = _reflected(own, turned, weights, "observation")
+        return _reflected(answer(seen), turned, weights, "action")
+
+    act = folded if "turned_states" in weights else answer
+    return lambda observed: act(observed["policy"])
+
+
+def _reflected(vector: Tensor, turned: Tensor, weights: dict[str, Tensor], name: str) -> Tensor:
+    image = vector[:, weights[f"{name}.source"]] * weights[f"{name}.sign"]
+    return vector + turned * (image - vector)
 
 
 def _mlp(weights: dict[str, Tensor], name: str) -> nn.Sequential:

@@ -21,6 +21,19 @@ Layers = list[tuple[Weights, Weights]]
 
 
 @dataclass(frozen=True)
+class Fold:
+    """Mirrors of a policy that sees half of its gait's states (``train/rmll_train/folding.py``).
+
+    The image of a vector is ``vector[source] * sign``.
+    """
+
+    turned_states: Weights
+    """(states,) 1 for states whose observation is mirrored, 0 for the others"""
+    mirrors: dict[str, tuple[NDArray[np.int64], Weights]]
+    """(source, sign) of ``observation``, ``action`` and ``estimate``"""
+
+
+@dataclass(frozen=True)
 class Checkpoint:
     """A policy as the trainer left it."""
 
@@ -28,6 +41,7 @@ class Checkpoint:
     contract: Contract
     estimator: Layers
     policy: Layers
+    fold: Fold | None
     probe_observation: Weights
     """(n, size) random observations, and the learner's own answers to them"""
     probe_estimate: Weights
@@ -79,6 +93,7 @@ def read(path: Path) -> Checkpoint:
             contract,
             _layers(tensors, "estimator"),
             _layers(tensors, "policy"),
+            _fold(tensors),
             *(tensors[f"probe.{name}"] for name in ("observation", "estimate", "action")),
         )
     except KeyError as error:
@@ -90,3 +105,13 @@ def _layers(tensors: dict[str, Weights], name: str) -> Layers:
     if not count:
         raise KeyError(f"{name}.0.weight")
     return [(tensors[f"{name}.{i}.weight"], tensors[f"{name}.{i}.bias"]) for i in range(count)]
+
+
+def _fold(tensors: dict[str, Weights]) -> Fold | None:
+    if "fold.turned_states" not in tensors:
+        return None
+    mirrors = {
+        name: (tensors[f"fold.{name}.source"].astype(np.int64), tensors[f"fold.{name}.sign"])
+        for name in ("observation", "action", "estimate")
+    }
+    return Fold(tensors["fold.turned_states"], mirrors)

@@ -3,7 +3,9 @@
     observation (1, n) -> estimator -> estimate (1, 7)
     (observation, estimate * scale) -> policy -> action (1, 12)
 
-Built node by node: for a few layers that is simpler than tracing, and it needs no torch.
+A folded policy mirrors the observation in front of both and their answers behind them, in the
+states that are turned. Built node by node: for a few layers that is simpler than tracing, and it
+needs no torch.
 """
 
 import numpy as np
@@ -11,7 +13,7 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from rmll_contract.contract import Contract
-from rmll_export.checkpoint import Checkpoint, Layers
+from rmll_export.checkpoint import Checkpoint, Fold, Layers
 
 OPSET = 17
 IR_VERSION = 9
@@ -22,13 +24,20 @@ def build(checkpoint: Checkpoint) -> onnx.ModelProto:
     """The model without metadata."""
     nodes: list[onnx.NodeProto] = []
     weights: list[onnx.TensorProto] = []
-    _mlp("estimator", checkpoint.estimator, "observation", "estimate", nodes, weights)
+    fold = checkpoint.fold
+    seen, estimated, acted = "observation", "estimate", "action"
+    if fold is not None:
+        _turned(fold, nodes, weights)
+        seen, estimated, acted = "seen", "seen_estimate", "seen_action"
+        _reflected(fold, "observation", "observation", seen, nodes, weights)
+    _mlp("estimator", checkpoint.estimator, seen, estimated, nodes, weights)
     weights.append(numpy_helper.from_array(_scales(checkpoint.contract), "estimate_scale"))
-    nodes.append(helper.make_node("Mul", ["estimate", "estimate_scale"], ["scaled_estimate"]))
-    nodes.append(
-        helper.make_node("Concat", ["observation", "scaled_estimate"], ["policy_input"], axis=1)
-    )
-    _mlp("policy", checkpoint.policy, "policy_input", "action", nodes, weights)
+    nodes.append(helper.make_node("Mul", [estimated, "estimate_scale"], ["scaled_estimate"]))
+    nodes.append(helper.make_node("Concat", [seen, "scaled_estimate"], ["policy_input"], axis=1))
+    _mlp("policy", checkpoint.policy, "policy_input", acted, nodes, weights)
+    if fold is not None:
+        _reflected(fold, "estimate", estimated, "estimate", nodes, weights)
+        _reflected(fold, "action", acted, "action", nodes, weights)
     graph = helper.make_graph(
         nodes,
         checkpoint.contract.gait,
@@ -63,6 +72,34 @@ def _mlp(
         if not last:
             value = f"{name}.{index}.elu"
             nodes.append(helper.make_node("Elu", [out], [value], alpha=1.0))
+
+
+def _turned(fold: Fold, nodes: list[onnx.NodeProto], weights: list[onnx.TensorProto]) -> None:
+    """``turned`` (1, 1): 1 if the observation's state is one that is turned, else 0."""
+    mask = np.zeros((len(fold.mirrors["observation"][0]), 1), np.float32)
+    mask[: len(fold.turned_states), 0] = fold.turned_states
+    weights.append(numpy_helper.from_array(mask, "turned_states"))
+    nodes.append(helper.make_node("MatMul", ["observation", "turned_states"], ["turned"]))
+
+
+def _reflected(
+    fold: Fold, name: str, source: str, target: str,
+    nodes: list[onnx.NodeProto], weights: list[onnx.TensorProto],
+) -> None:  # fmt: skip
+    """target = source + turned * (image of source - source)"""
+    index, sign = fold.mirrors[name]
+    weights.append(numpy_helper.from_array(index, f"{name}.source"))
+    weights.append(numpy_helper.from_array(sign, f"{name}.sign"))
+    swapped, image, change, part = (
+        f"{name}.{step}" for step in ("swapped", "image", "change", "part")
+    )
+    nodes += [
+        helper.make_node("Gather", [source, f"{name}.source"], [swapped], axis=1),
+        helper.make_node("Mul", [swapped, f"{name}.sign"], [image]),
+        helper.make_node("Sub", [image, source], [change]),
+        helper.make_node("Mul", [change, "turned"], [part]),
+        helper.make_node("Add", [source, part], [target]),
+    ]
 
 
 def _value(name: str, width: int) -> onnx.ValueInfoProto:

@@ -17,6 +17,7 @@ from safetensors.torch import save_file
 from rmll_contract.contract import KEY, Labels, Trace, describe, encode, seal
 from rmll_gaits.errors import InputError
 from rmll_train.environment import GaitEnv
+from rmll_train.folding import Fold
 from rmll_train.network import EstimatingActor
 
 CHECKPOINT = "checkpoint.pt"
@@ -43,14 +44,16 @@ def load_checkpoint(run: Path) -> dict[str, Any]:
 def save_policy(
     run: Path, actor: EstimatingActor, env: GaitEnv, trace: Trace, provenance: dict[str, Any]
 ) -> None:
-    """Write ``policy.safetensors``: layers ``policy.i.weight``/``bias`` and ``estimator.i.*``."""
+    """Write ``policy.safetensors``: layers ``policy.i.weight``/``bias`` and ``estimator.i.*``, and
+    ``fold.*`` if the policy is folded."""
     tensors = _layers("policy", actor.mlp) | _layers("estimator", actor.estimator)
     generator = torch.Generator().manual_seed(0)
     probe = torch.randn(PROBES, actor.obs_dim, generator=generator)
+    states = env.table.num_states
+    probe[:, :states] = torch.eye(states)[torch.arange(PROBES) % states]
     with torch.no_grad():
-        estimate = actor.estimator(probe)
-        action = actor.mlp(torch.cat([probe, estimate * actor.estimate_scale], dim=-1))
-    tensors |= {"probe.observation": probe, "probe.estimate": estimate, "probe.action": action}
+        answers = {"probe.estimate": actor.estimate(probe), "probe.action": actor.mean(probe)}
+    tensors |= {"probe.observation": probe, **answers, **_fold(actor.fold)}
     labels = Labels(env.world.contact_force, env.world.clearance)
     contract = describe(env.robot, env.table, env.world.profile, labels, provenance, trace)
     header = {KEY: encode(seal(contract))}
@@ -63,6 +66,18 @@ def _layers(name: str, network: torch.nn.Module) -> dict[str, torch.Tensor]:
         f"{name}.{index}.{kind}": getattr(layer, kind).detach().clone()
         for index, layer in enumerate(linear)
         for kind in ("weight", "bias")
+    }
+
+
+def _fold(fold: Fold) -> dict[str, torch.Tensor]:
+    """Which states are turned, and the mirrors; nothing where no state is."""
+    if not fold.used:
+        return {}
+    mirrors = {"observation": fold.observation, "action": fold.action, "estimate": fold.estimate}
+    return {"fold.turned_states": fold.turned_states.clone()} | {
+        f"fold.{name}.{part}": getattr(mirror, part).clone()
+        for name, mirror in mirrors.items()
+        for part in ("source", "sign")
     }
 
 

@@ -14,8 +14,8 @@ from torch import Tensor, nn
 
 from rmll_gaits.errors import Failure
 from rmll_train.environment import GaitEnv
-from rmll_train.mirroring import MirroredStorage, reflection
-from rmll_train.network import EstimatingActor, MLPModel, estimate_loss
+from rmll_train.folding import Fold, images
+from rmll_train.network import EstimatingActor, FoldedCritic, estimate_loss
 from rmll_train.settings import Learner
 
 OBSERVATION_GROUPS = {"actor": ["policy"], "critic": ["critic"]}
@@ -70,22 +70,21 @@ class GaitPPO(PPO):
         s = settings
         self._rate_range = s.rate_range
         obs = env.get_observations()
+        states = images(env.table, s.symmetry)
         actor = EstimatingActor(
             obs, OBSERVATION_GROUPS, "actor", env.num_actions, hidden_dims=s.hidden,
+            fold=Fold(env.robot, states, env.groups["policy"]),
             estimator_hidden=s.estimator_hidden,
             distribution_cfg={
                 "class_name": "GaussianDistribution", "init_std": s.initial_std, "std_type": "log",
                 "std_range": (s.minimum_std, 2.0),
             },
         )  # fmt: skip
-        critic = MLPModel(obs, OBSERVATION_GROUPS, "critic", 1, hidden_dims=s.hidden)
-        self.reflection = reflection(env, s.symmetry)
-        shape = ("rl", env.num_envs, s.rollout, obs, [env.num_actions])
-        storage = (
-            MirroredStorage(self.reflection, actor, s.bf16, *shape)
-            if self.reflection
-            else RolloutStorage(*shape)
-        )
+        critic = FoldedCritic(
+            obs, OBSERVATION_GROUPS, "critic", 1, hidden_dims=s.hidden,
+            fold=Fold(env.robot, states, env.groups["critic"]),
+        )  # fmt: skip
+        storage = RolloutStorage("rl", env.num_envs, s.rollout, obs, [env.num_actions])
         super().__init__(
             actor, critic, storage, num_learning_epochs=s.epochs, num_mini_batches=s.mini_batches,
             clip_param=s.clip, gamma=s.gamma, lam=s.lam, entropy_coef=s.entropy,
@@ -130,8 +129,6 @@ class GaitPPO(PPO):
         observed = self.storage.observations.flatten(0, 1)
         losses = super().update()
         # after PPO: within its epochs the estimates stay those that the actions were drawn from
-        if self.reflection is not None:
-            observed = self.reflection.mixed(observed)
         losses["estimator"] = self._update_estimator(observed["policy"], observed["estimate"])
         skipped_all = (
             self.skipped_steps - before >= self.num_learning_epochs * self.num_mini_batches

@@ -13,6 +13,7 @@ from tensordict import TensorDict
 from torch import Tensor
 
 from rmll_contract import observation
+from rmll_train.folding import Fold
 
 ESTIMATE_SIZE = observation.size(observation.ESTIMATES)
 # Heights are centimetres, velocities decimetres a second: weights that make both errors count.
@@ -27,24 +28,54 @@ class EstimatingActor(MLPModel):
 
     estimate_scale: Tensor
 
-    def __init__(self, *args: Any, estimator_hidden: tuple[int, ...] = (128, 128), **kwargs: Any):
+    def __init__(
+        self, *args: Any, fold: Fold, estimator_hidden: tuple[int, ...] = (128, 128), **kwargs: Any
+    ):
         super().__init__(*args, **kwargs)
+        self.fold = fold
         self.estimator = MLP(self.obs_dim, ESTIMATE_SIZE, estimator_hidden, "elu")
         scales = [torch.full((field.size,), field.scale) for field in observation.ESTIMATES]
         self.register_buffer("estimate_scale", torch.cat(scales))
 
-    def get_latent(self, obs: TensorDict, masks: Any = None, hidden_state: Any = None) -> Tensor:
-        own = super().get_latent(obs, masks, hidden_state)
+    def forward(
+        self, obs: TensorDict, masks: Any = None, hidden_state: Any = None,
+        stochastic_output: bool = False,
+    ) -> Tensor:  # fmt: skip
+        assert self.distribution is not None
+        mean = self.mean(obs["policy"])
+        if not stochastic_output:
+            return self.distribution.deterministic_output(mean)
+        self.distribution.update(mean)
+        return self.distribution.sample()
+
+    def mean(self, own: Tensor) -> Tensor:
+        """Actions (n, 12) without exploration, from ``policy`` observations (n, size)."""
+        turned = self.fold.turned(own)
+        own = self.fold.observation(own, turned)
         with torch.no_grad():
             estimate = self.estimator(own)
-        return torch.cat([own, estimate * self.estimate_scale], dim=-1)
+        answer = self.mlp(torch.cat([own, estimate * self.estimate_scale], dim=-1))
+        return self.fold.action(answer, turned)
 
     def estimate(self, own: Tensor) -> Tensor:
-        """Base velocity (3) [m/s], foot heights (4) [m] from ``policy`` observations (..., n)."""
-        return self.estimator(own)
+        """Base velocity (3) [m/s], foot heights (4) [m] from ``policy`` observations (n, size)."""
+        turned = self.fold.turned(own)
+        return self.fold.estimate(self.estimator(self.fold.observation(own, turned)), turned)
 
     def _get_latent_dim(self) -> int:
         return self.obs_dim + ESTIMATE_SIZE
+
+
+class FoldedCritic(MLPModel):
+    """MLP over the ``critic`` observation; a state is worth what its mirror image is worth."""
+
+    def __init__(self, *args: Any, fold: Fold, **kwargs: Any):
+        super().__init__(*args, **kwargs)
+        self.fold = fold
+
+    def get_latent(self, obs: TensorDict, masks: Any = None, hidden_state: Any = None) -> Tensor:
+        true = super().get_latent(obs, masks, hidden_state)
+        return self.fold.observation(true, self.fold.turned(true))
 
 
 def estimate_loss(estimate: Tensor, true: Tensor) -> Tensor:

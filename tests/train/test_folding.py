@@ -1,4 +1,4 @@
-"""The world is mirror symmetric, and the learner sees each transition as it was or mirrored."""
+"""The world is mirror symmetric, and so is a folded policy."""
 
 from dataclasses import replace
 
@@ -6,14 +6,15 @@ import pytest
 import torch
 from tensordict import TensorDict
 
+from rmll_contract.mirror import mirror_action, mirror_layout
 from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait
 from rmll_gaits.symmetry import mirror_states
 from rmll_gaits.table import MachineTable
 from rmll_robots import A1
 from rmll_train.environment import GaitEnv
+from rmll_train.folding import Reflected, images
 from rmll_train.learner import GaitPPO
-from rmll_train.mirroring import MirroredStorage, Reflection, reflection
 from rmll_train.settings import Learner, Noise, Randomisation, Terminations, World
 from rmll_train.simulation import Variation, training_model
 
@@ -29,10 +30,26 @@ SMALL = Learner(rollout=8, epochs=3, mini_batches=2, hidden=(32, 32), estimator_
 MIRROR_TWIST = torch.tensor([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 
 
-def mirror_of(env: GaitEnv) -> Reflection:
-    found = reflection(env, "auto")
-    assert found is not None
-    return found
+class Glass:
+    """The mirror image of everything an environment shows and takes."""
+
+    def __init__(self, env: GaitEnv):
+        states = images(env.table, True)
+        self._groups = {name: Reflected(mirror_layout(fields, states))
+                        for name, fields in env.groups.items()}  # fmt: skip
+        self._action = Reflected(mirror_action(env.robot))
+
+    def observations(self, obs: TensorDict) -> TensorDict:
+        all_of_them = torch.ones(len(obs), 1)
+        shown = {name: mirror(obs[name], all_of_them) for name, mirror in self._groups.items()}
+        return TensorDict(shown, batch_size=obs.batch_size)
+
+    def actions(self, actions: torch.Tensor) -> torch.Tensor:
+        return self._action(actions, torch.ones(*actions.shape[:-1], 1))
+
+
+def mirror_of(env: GaitEnv) -> Glass:
+    return Glass(env)
 
 
 def pair(gait: str, seed: int) -> GaitEnv:
@@ -93,68 +110,50 @@ def test_the_image_of_the_image_is_the_observation(profile: str) -> None:
     env = GaitEnv(load_gait("walk"), A1, World(envs=4, profile=profile), 0)
     mirror, obs = mirror_of(env), env.get_observations()
     again = mirror.observations(mirror.observations(obs))
-    assert all(torch.equal(again[name], obs[name]) for name in ("policy", "critic", "estimate"))
-
-
-def rolled_out() -> GaitPPO:
-    torch.manual_seed(0)
-    env = GaitEnv(load_gait("trot"), A1, World(envs=16), 0)
-    ppo = GaitPPO(env, SMALL)
-    obs = env.get_observations()
-    with torch.inference_mode():
-        for _ in range(SMALL.rollout):
-            obs, rewards, dones, extras = env.step(ppo.act(obs))
-            ppo.process_env_step(obs, rewards, dones, extras)
-        ppo.compute_returns(obs)
-    return ppo
-
-
-def test_each_transition_is_shown_once_an_epoch_as_it_was_or_mirrored() -> None:
-    ppo = rolled_out()
-    assert isinstance(ppo.storage, MirroredStorage) and ppo.reflection is not None
-    # of the untouched rollout: a transition's stored probability tells it from all others
-    observed = ppo.storage.observations.flatten(0, 1)
-    actions, log_prob, returns = (
-        stored.flatten(0, 1)
-        for stored in (ppo.storage.actions, ppo.storage.actions_log_prob, ppo.storage.returns)
+    assert all(
+        torch.allclose(again[name], obs[name], atol=1e-6)
+        for name in ("policy", "critic", "estimate")
     )
-    images, image_actions = ppo.reflection.observations(observed), ppo.reflection.actions(actions)
-    row_of = {float(value): row for row, value in enumerate(log_prob)}
-    mirrored, shown = 0, []
-    for batch in ppo.storage.mini_batch_generator(SMALL.mini_batches, SMALL.epochs):
-        with torch.no_grad():
-            ppo.actor(batch.observations, stochastic_output=True)
-        asked = ppo.actor.output_distribution_params
-        for found, current in zip(batch.old_distribution_params, asked, strict=True):
-            assert torch.allclose(found, current, atol=1e-5)
-        for at, value in enumerate(batch.old_actions_log_prob):
-            row = row_of[float(value)]
-            shown.append(row)
-            assert batch.returns[at] == returns[row]
-            is_image = not torch.equal(batch.actions[at], actions[row])
-            mirrored += is_image
-            source, taken = (images, image_actions) if is_image else (observed, actions)
-            assert torch.equal(batch.actions[at], taken[row])
-            for name in ("policy", "critic"):
-                assert torch.equal(batch.observations[name][at], source[name][row])
-    count = len(observed)
-    assert sorted(shown) == sorted(list(range(count)) * SMALL.epochs)
-    assert 0.35 < mirrored / len(shown) < 0.65
+
+
+@pytest.mark.parametrize("gait, half", [("trot", {1}), ("walk", {2, 3}), ("half_bound", {2, 3})])
+def test_a_folded_policy_is_as_symmetric_as_its_gait(gait: str, half: set[int]) -> None:
+    torch.manual_seed(0)
+    env = GaitEnv(load_gait(gait), A1, World(envs=64), 0)
+    ppo, mirror = GaitPPO(env, SMALL), mirror_of(env)
+    obs = env.get_observations()
+    image = mirror.observations(obs)
+    fold = ppo.policy.fold
+    assert {s for s, turned in enumerate(fold.turned_states.tolist()) if turned} == half
+    with torch.no_grad():
+        action, mirrored = ppo.policy(obs), ppo.policy(image)
+        estimates = ppo.policy.estimate(obs["policy"]), ppo.policy.estimate(image["policy"])
+        values = ppo.critic(obs), ppo.critic(image)
+    assert torch.allclose(mirror.actions(action), mirrored, atol=1e-5)
+    assert not torch.allclose(action, mirrored, atol=1e-2)
+    turned = torch.ones(64, 1)
+    assert torch.allclose(fold.estimate(estimates[0], turned), estimates[1], atol=1e-5)
+    assert torch.allclose(values[0], values[1], atol=1e-5)
+
+
+def test_a_state_that_is_its_own_image_is_never_turned() -> None:
+    env = GaitEnv(load_gait("bound"), A1, World(envs=8), 0)
+    ppo = GaitPPO(env, SMALL)
+    assert not ppo.policy.fold.used
 
 
 def test_auto_learns_without_symmetry_where_there_is_none_and_true_refuses(
     lopsided: MachineTable,
 ) -> None:
+    assert images(lopsided, "auto") == (0, 1)
     env = GaitEnv(lopsided, A1, World(envs=2), 0)
-    assert reflection(env, "auto") is None
     with pytest.raises(InputError, match="gait trot has no mirror symmetry"):
         GaitPPO(env, SMALL)
 
 
 def test_symmetry_can_be_turned_off() -> None:
     env = GaitEnv(load_gait("trot"), A1, World(envs=2), 0)
-    ppo = GaitPPO(env, replace(SMALL, symmetry=False))
-    assert ppo.reflection is None and not isinstance(ppo.storage, MirroredStorage)
+    assert not GaitPPO(env, replace(SMALL, symmetry=False)).policy.fold.used
 
 
 @pytest.fixture
