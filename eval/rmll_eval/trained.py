@@ -76,7 +76,7 @@ def actor(bundle: Path) -> Callable[[TensorDict], Tensor]:
 
 def _reflected(vector: Tensor, turned: Tensor, weights: dict[str, Tensor], name: str) -> Tensor:
     image = vector[:, weights[f"{name}.source"]] * weights[f"{name}.sign"]
-    return vector + turned * (image - vector)
+    return torch.where(turned > 0.5, image, vector)
 
 
 def _mlp(weights: dict[str, Tensor], name: str) -> nn.Sequential:

@@ -75,30 +75,28 @@ def _mlp(
 
 
 def _turned(fold: Fold, nodes: list[onnx.NodeProto], weights: list[onnx.TensorProto]) -> None:
-    """``turned`` (1, 1): 1 if the observation's state is one that is turned, else 0."""
+    """``turned`` (1, 1), Boolean: the observation's state is one that is turned."""
     mask = np.zeros((len(fold.mirrors["observation"][0]), 1), np.float32)
     mask[: len(fold.turned_states), 0] = fold.turned_states
     weights.append(numpy_helper.from_array(mask, "turned_states"))
-    nodes.append(helper.make_node("MatMul", ["observation", "turned_states"], ["turned"]))
+    weights.append(numpy_helper.from_array(np.array([[0.5]], np.float32), "half"))
+    nodes.append(helper.make_node("MatMul", ["observation", "turned_states"], ["share"]))
+    nodes.append(helper.make_node("Greater", ["share", "half"], ["turned"]))
 
 
 def _reflected(
     fold: Fold, name: str, source: str, target: str,
     nodes: list[onnx.NodeProto], weights: list[onnx.TensorProto],
 ) -> None:  # fmt: skip
-    """target = source + turned * (image of source - source)"""
+    """target = the image of source where turned, else source"""
     index, sign = fold.mirrors[name]
     weights.append(numpy_helper.from_array(index, f"{name}.source"))
     weights.append(numpy_helper.from_array(sign, f"{name}.sign"))
-    swapped, image, change, part = (
-        f"{name}.{step}" for step in ("swapped", "image", "change", "part")
-    )
+    swapped, image = f"{name}.swapped", f"{name}.image"
     nodes += [
         helper.make_node("Gather", [source, f"{name}.source"], [swapped], axis=1),
         helper.make_node("Mul", [swapped, f"{name}.sign"], [image]),
-        helper.make_node("Sub", [image, source], [change]),
-        helper.make_node("Mul", [change, "turned"], [part]),
-        helper.make_node("Add", [source, part], [target]),
+        helper.make_node("Where", ["turned", image, source], [target]),
     ]
 
 

@@ -24,6 +24,8 @@ CHECKPOINT = "checkpoint.pt"
 POLICY = "policy.safetensors"
 PROBES = 64
 """Random observations whose answers travel along, for the exporter to check itself against"""
+PROBE_SPREAD = 0.5
+"""Their standard deviation, about that of real observations with the layout's scales"""
 
 
 def save_checkpoint(run: Path, state: dict[str, Any]) -> None:
@@ -48,7 +50,7 @@ def save_policy(
     ``fold.*`` if the policy is folded."""
     tensors = _layers("policy", actor.mlp) | _layers("estimator", actor.estimator)
     generator = torch.Generator().manual_seed(0)
-    probe = torch.randn(PROBES, actor.obs_dim, generator=generator)
+    probe = PROBE_SPREAD * torch.randn(PROBES, actor.obs_dim, generator=generator)
     states = env.table.num_states
     probe[:, :states] = torch.eye(states)[torch.arange(PROBES) % states]
     with torch.no_grad():

@@ -42,7 +42,7 @@ class Reflected(nn.Module):
 
     def forward(self, vector: Tensor, turned: Tensor) -> Tensor:
         """``turned`` (n, 1) is 1 for rows to mirror and 0 for the others."""
-        return vector + turned * (vector[..., self.source] * self.sign - vector)
+        return torch.where(turned > 0.5, vector[..., self.source] * self.sign, vector)
 
 
 class Fold(nn.Module):
