@@ -47,13 +47,13 @@ def test_controller_step(benchmark, bundle: Bundle) -> None:
     benchmark(controller.step, feet, ~feet, joints, np.zeros(12), gravity, gyro, command)
 
 
-def test_datagram_to_datagram(benchmark, bundle: Bundle, state: bytes) -> None:
-    """A policy tick: state in, command out."""
+def test_policy_period_from_datagrams_to_datagrams(benchmark, bundle: Bundle, state: bytes) -> None:
+    """A policy period: four states in, four commands out, one of them by the policy."""
     pilot = FlagPilot(bundle.table.commands, vx=0.5)
     daemon = Daemon(bundle, Settings(), pilot)
     now = 0
 
-    def policy_tick() -> bytes:
+    def policy_period() -> bytes:
         nonlocal now
         answer = b""
         for _ in range(4):
@@ -64,8 +64,8 @@ def test_datagram_to_datagram(benchmark, bundle: Bundle, state: bytes) -> None:
         return answer
 
     while not daemon.policy_ran:
-        policy_tick()
-    benchmark(policy_tick)
+        policy_period()
+    benchmark(policy_period)
 
 
 def test_proving_a_bundle(benchmark, bundle: Bundle) -> None:
