@@ -11,6 +11,7 @@ from onnx import numpy_helper
 from tensordict import TensorDict
 from torch import Tensor, nn
 
+from rmll_contract.mirror import Mirror
 from rmll_eval.trial import Trial
 from rmll_eval.walk import Walk
 from rmll_gaits.errors import InputError
@@ -18,6 +19,7 @@ from rmll_hil.metrics import cost_of_transport
 from rmll_onboard.bundle import Bundle, load_bundle
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import evaluate
+from rmll_train.folding import Reflected
 from rmll_train.settings import Ground, World
 
 _SETTLING = 2.0
@@ -67,16 +69,16 @@ def actor(bundle: Path) -> Callable[[TensorDict], Tensor]:
 
     def folded(own: Tensor) -> Tensor:
         turned = own @ weights["turned_states"]
-        seen = _reflected(own, turned, weights, "observation")
-        return _reflected(answer(seen), turned, weights, "action")
+        seen = _reflected(weights, "observation")(own, turned)
+        return _reflected(weights, "action")(answer(seen), turned)
 
     act = folded if "turned_states" in weights else answer
     return lambda observed: act(observed["policy"])
 
 
-def _reflected(vector: Tensor, turned: Tensor, weights: dict[str, Tensor], name: str) -> Tensor:
-    image = vector[:, weights[f"{name}.source"]] * weights[f"{name}.sign"]
-    return torch.where(turned > 0.5, image, vector)
+def _reflected(weights: dict[str, Tensor], name: str) -> Reflected:
+    """The trainer's own folding, with the mirror that the bundle carries."""
+    return Reflected(Mirror(weights[f"{name}.source"].numpy(), weights[f"{name}.sign"].numpy()))
 
 
 def _mlp(weights: dict[str, Tensor], name: str) -> nn.Sequential:

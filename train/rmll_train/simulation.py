@@ -147,8 +147,7 @@ class Simulation:
         # MuJoCo fills the delay lines with zeros: a target that no robot was given
         self._delayed[rows] = joints.numpy()[:, :, None]
         self._batch.forward(rows, stage=int(mujoco.mjtStage.mjSTAGE_POS))
-        self._read()
-        self._qpos[rows, 2] -= self.foot_height[ids].amin(1).numpy()
+        self._qpos[rows, 2] -= self._foot_height()[ids].amin(1).numpy()
         self._batch.forward(rows)
         self._read()
 
@@ -187,11 +186,13 @@ class Simulation:
             return torch.zeros(points.shape[:-1])
         return self._terrain.height(_tensor(points[..., 0]), _tensor(points[..., 1]))
 
+    def _foot_height(self) -> Tensor:
+        feet = self._geom_xpos[:, self._foot_geom]
+        return _tensor(feet[..., 2]) - self.robot.foot_radius - self._ground(feet)
+
     def _read(self) -> None:
         pose, twist = _tensor(self._qpos), _tensor(self._qvel)
         quaternion = pose[:, 3:7]
-        self.base_position = pose[:, :3]
-        """[m] in the world"""
         self.base_height = pose[:, 2] - self._ground(self._qpos[:, :3])
         """[m] above the ground below"""
         self.base_velocity = rotate_inverse(quaternion, twist[:, :3])
@@ -208,8 +209,8 @@ class Simulation:
         # MuJoCo's derived fields describe the state one physics step (5 ms) earlier.
         self.foot_force = _tensor(self._sensor[:, self._touch])
         """[N]"""
-        feet, knees = self._geom_xpos[:, self._foot_geom], self._xpos[:, self._knee_body]
-        self.foot_height = _tensor(feet[..., 2]) - self.robot.foot_radius - self._ground(feet)
+        knees = self._xpos[:, self._knee_body]
+        self.foot_height = self._foot_height()
         """[m] of each foot's underside above the ground below it"""
         self.knee_height = _tensor(knees[..., 2]) - self._ground(knees)
         """[m]"""
