@@ -56,11 +56,22 @@ def size(fields: Sequence[Field]) -> int:
     return sum(field.size for field in fields)
 
 
+def find(fields: Sequence[Field], name: str) -> slice:
+    """Where in an observation with these fields ``name`` is; KeyError without it."""
+    start = 0
+    for field in fields:
+        if field.name == name:
+            return slice(start, start + field.size)
+        start += field.size
+    raise KeyError(name)
+
+
 def write(out: Any, fields: Sequence[Field], parts: Mapping[str, Any]) -> Any:
     """Fill ``out`` (..., size) with the scaled ``parts``, each (..., field.size); returns it."""
     start = 0
     for field in fields:
         stop = start + field.size
-        out[..., start:stop] = parts[field.name] * field.scale
+        part = parts[field.name]
+        out[..., start:stop] = part if field.scale == 1 else part * field.scale
         start = stop
     return out

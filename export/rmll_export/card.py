@@ -1,13 +1,23 @@
 """The card of a shipped policy: how it came to be and what it was measured to do."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rmll_contract.contract import Contract
 
+_WORLDS = {
+    "emulator": "Through the daemon in the emulator",
+    "trainer": "In the trainer's world",
+}
+MEASURED = (
+    "adherence", "off_spec_contact", "vx_error", "wz_error", "energy_per_metre",
+    "cost_of_transport",
+)  # fmt: skip
+"""What an evaluation has a mean and a worst value of"""
 
-def card(contract: Contract, bundle: str, hil: Mapping[str, Any] | None) -> str:
-    """Markdown; ``hil`` is the summary.json of an ``rmll-hil run`` with this bundle, if any."""
+
+def card(contract: Contract, bundle: str, evaluations: Sequence[Mapping[str, Any]]) -> str:
+    """Markdown; ``evaluations`` are what ``rmll-eval gait --json`` printed of this bundle."""
     origin = contract.provenance
     rows = {
         "robot": contract.robot,
@@ -30,12 +40,38 @@ def card(contract: Contract, bundle: str, hil: Mapping[str, Any] | None) -> str:
         "with noise and pushes:\n",
         _table("metric", origin.get("metrics", {})),
     ]
-    if hil:
-        parts += [
-            "Through the daemon in the emulator (`rmll-hil run`):\n",
-            _table("metric", {k: v for k, v in hil.items() if not isinstance(v, dict)}),
-        ]
+    for evaluation in evaluations:
+        where = _WORLDS[evaluation["world"]]
+        parts += [f"{where} (`{_call(evaluation)}`):\n", _measured(evaluation)]
     return "\n".join(parts)
+
+
+def _call(evaluation: Mapping[str, Any]) -> str:
+    """The command that gives this evaluation."""
+    flags = [f"--episodes {evaluation['episodes']}", f"--seconds {evaluation['seconds']:g}"]
+    if evaluation["world"] != "emulator":
+        flags.append(f"--world {evaluation['world']}")
+    if evaluation["ground"] != "flat":
+        flags.append(f"--ground {evaluation['ground']} --level {evaluation['level']}")
+    if evaluation["pushes"]:
+        flags.append("--pushes")
+    return f"rmll-eval gait {evaluation['gait']} {' '.join(flags)}"
+
+
+def _measured(evaluation: Mapping[str, Any]) -> str:
+    lines = ["| metric | mean | worst walk |", "|---|---|---|"]
+    for name in MEASURED:
+        found = evaluation[name]
+        lines.append(f"| {name} | {_plain(found['mean'])} | {_plain(found['worst'])} |")
+    lines.append(f"| falls | {evaluation['falls']} of {evaluation['episodes']} | |")
+    if evaluation["faults"]:
+        lines.append(f"| faults | {evaluation['faults']} of {evaluation['episodes']} | |")
+    if compared := evaluation["energy_at_the_papers_speeds"]:
+        low, high = compared["vx"]
+        ours, theirs = _plain(compared["energy_per_metre"]), _plain(compared["paper"])
+        title = f"energy_per_metre at {low:g} to {high:g} m/s"
+        lines.append(f"| {title} | {ours} | the paper: {theirs} |")
+    return "\n".join(lines) + "\n"
 
 
 def _table(title: str, rows: Mapping[str, Any]) -> str:

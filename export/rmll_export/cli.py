@@ -2,9 +2,11 @@
 
 from json import JSONDecodeError, dumps, loads
 from pathlib import Path
+from typing import Any
 
 from rmll_contract import command
 from rmll_export.bundle import export
+from rmll_export.card import MEASURED
 from rmll_export.card import card as write_card
 from rmll_export.checkpoint import find, read
 from rmll_gaits.errors import InputError
@@ -21,7 +23,7 @@ def _export(
     runs: Path = Path("runs"),
     policies: Path = Path("policies"),
     card: Path | None = None,
-    hil: Path | None = None,
+    evaluations: tuple[Path, ...] = (),
     json: bool = False,
 ) -> None:
     """Export a trained gait as one bundle, and prove it against the learner's network.
@@ -36,7 +38,7 @@ def _export(
         runs: where rmll-train puts its runs.
         policies: where the shipped checkpoints are.
         card: also write the policy's card, in Markdown, to this file.
-        hil: summary.json of an rmll-hil run, to be shown on the card.
+        evaluations: what rmll-eval gait --json printed, to be shown on the card.
         json: print one JSON object.
     """
     if not gait and checkpoint is None:
@@ -48,9 +50,10 @@ def _export(
     target = out or Path(f"{trained.contract.gait}.onnx")
     if not target.parent.is_dir():
         raise InputError(f"{target}: its folder does not exist")
+    measured = [_evaluation(path) for path in evaluations]
     difference = export(trained, target)
     if card is not None:
-        card.write_text(write_card(trained.contract, target.name, hil and _summary(hil)))
+        card.write_text(write_card(trained.contract, target.name, measured))
     report = {
         "bundle": str(target),
         "checkpoint": str(source),
@@ -68,11 +71,14 @@ def _export(
         )
 
 
-def _summary(path: Path) -> dict[str, object]:
+def _evaluation(path: Path) -> dict[str, Any]:
     try:
-        return loads(path.read_text())
+        found = loads(path.read_text())
     except (OSError, UnicodeDecodeError, JSONDecodeError) as error:
-        raise InputError(f"{path}: not the summary.json of an rmll-hil run: {error}") from error
+        raise InputError(f"{path}: cannot be read: {error}") from error
+    if not isinstance(found, dict) or not {*MEASURED, "world", "ground"} <= found.keys():
+        raise InputError(f"{path}: not what rmll-eval gait --json prints")
+    return found
 
 
 if __name__ == "__main__":

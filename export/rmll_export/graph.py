@@ -60,7 +60,7 @@ def _mlp(
     name: str, layers: Layers, source: str, target: str,
     nodes: list[onnx.NodeProto], weights: list[onnx.TensorProto],
 ) -> None:  # fmt: skip
-    """Append a multi-layer perceptron with ELU between its layers."""
+    """Append a multi-layer perceptron with ReLU between its layers."""
     value = source
     for index, (weight, bias) in enumerate(layers):
         last = index == len(layers) - 1
@@ -70,8 +70,8 @@ def _mlp(
         out = target if last else f"{name}.{index}.linear"
         nodes.append(helper.make_node("Gemm", [value, weight_name, bias_name], [out], transB=1))
         if not last:
-            value = f"{name}.{index}.elu"
-            nodes.append(helper.make_node("Elu", [out], [value], alpha=1.0))
+            value = f"{name}.{index}.relu"
+            nodes.append(helper.make_node("Relu", [out], [value]))
 
 
 def _turned(fold: Fold, nodes: list[onnx.NodeProto], weights: list[onnx.TensorProto]) -> None:

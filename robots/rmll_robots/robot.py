@@ -10,6 +10,21 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Leg:
+    """A hip that rolls, then a thigh and a calf that pitch; the same for all four."""
+
+    hip_offset: float
+    """[m] from the hip's axis outwards to the plane of thigh and calf"""
+    thigh: float
+    """[m]"""
+    calf: float
+    """[m] to the middle of the foot"""
+    inertia: tuple[float, float, float]
+    """[kg m²] that hip, thigh and calf each turn, the others held, in the standing pose; the
+    motor's own included"""
+
+
+@dataclass(frozen=True)
 class Robot:
     """Facts of one quadruped. Joint arrays are (12,), in the order of ``joint_names``."""
 
@@ -42,6 +57,7 @@ class Robot:
     """[rad] of joint target per unit of action"""
     action_clip: float
     """Largest absolute action"""
+    leg: Leg
     foot_radius: float
     """[m]"""
     mass: float

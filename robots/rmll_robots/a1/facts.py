@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rmll_robots.robot import Array, Robot
+from rmll_robots.robot import Array, Leg, Robot
 
 LEGS = ("FR", "FL", "RR", "RL")
 JOINT_NAMES = tuple(f"{leg}_{joint}_joint" for leg in LEGS for joint in ("hip", "thigh", "calf"))
@@ -62,6 +62,8 @@ A1 = Robot(
     action_scale=0.25,
     # 2 rad away from the default pose: beyond it the motors are at their torque limit anyway
     action_clip=8.0,
+    # the older URDF's lengths; inertia: diagonal of a1.xml's mass matrix, armature included
+    leg=Leg(hip_offset=0.08505, thigh=0.2, calf=0.2, inertia=(0.0345, 0.0327, 0.0173)),
     foot_radius=0.02,
     # sum of the older URDF's links, as in MuJoCo Menagerie's unitree_a1
     mass=12.453,
