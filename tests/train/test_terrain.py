@@ -26,7 +26,7 @@ def test_heights_are_those_of_mujocos_triangles(terrain: Terrain) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     rng = np.random.default_rng(0)
-    points = rng.uniform(-1, 1, (300, 2)) * (np.array(terrain.radii) - 0.5)
+    points = rng.uniform(-1, 1, (300, 2)) * (np.array(terrain.field.radii) - 0.5)
     groups = np.array([1, 0, 0, 0, 0, 0], np.uint8)  # the floor's, not the robot's
     robot = model.body("trunk").id
     for x, y in points:
@@ -60,17 +60,20 @@ def test_robots_are_placed_with_no_foot_in_the_ground() -> None:
 
 
 def test_a_robot_that_holds_its_gait_climbs_and_one_that_falls_descends(terrain: Terrain) -> None:
-    levels = Levels(terrain, ALL, 4, torch.Generator().manual_seed(0))
-    levels.level[:] = torch.tensor([1, 1, 1, 0])
-    early = torch.tensor([False, True, False, True])
-    levels.update(torch.arange(4), early, torch.tensor([0.95, 0.95, 0.5, 0.9]))
-    assert levels.level.tolist() == [2, 0, 1, 0]
+    levels = Levels(terrain, ALL, 5, torch.Generator().manual_seed(0))
+    levels.level[:] = torch.tensor([1, 1, 1, 0, 1])
+    # to the end, fell, to the end, fell, another limit
+    whole = torch.tensor([True, False, True, False, False])
+    fell = torch.tensor([False, True, False, True, False])
+    levels.update(torch.arange(5), whole, fell, torch.tensor([0.95, 0.95, 0.5, 0.9, 0.95]))
+    assert levels.level.tolist() == [2, 0, 1, 0, 1]
 
 
 def test_who_masters_the_last_level_is_sent_to_any(terrain: Terrain) -> None:
     levels = Levels(terrain, ALL, 200, torch.Generator().manual_seed(0))
     levels.level[:] = ALL.levels - 1
-    levels.update(torch.arange(200), torch.zeros(200, dtype=torch.bool), torch.ones(200))
+    all_of_them = torch.ones(200, dtype=torch.bool)
+    levels.update(torch.arange(200), all_of_them, ~all_of_them, torch.ones(200))
     assert set(levels.level.tolist()) == set(range(ALL.levels))
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import torch
 import yaml
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from rmll_export.bundle import export
 from rmll_export.checkpoint import read
@@ -19,7 +20,7 @@ from rmll_gaits.load import load_gait
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.controller import prove
 from rmll_robots import A1
-from rmll_train.checkpoint import load_checkpoint
+from rmll_train.checkpoint import load_checkpoint, save_checkpoint
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import golden_trace
 from rmll_train.learner import GaitPPO, ReturnScale
@@ -78,6 +79,53 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(tmp_path: Path) -> None:
     assert found["steps"] == expected["steps"]
     for name, value in expected["learner"]["actor_state_dict"].items():
         assert torch.allclose(found["learner"]["actor_state_dict"][name], value, atol=1e-4), name
+
+
+def test_a_run_that_was_killed_goes_on_without_a_jump_in_its_curves(tmp_path: Path) -> None:
+    """kill -9 in the middle, resumed: curves and networks are those of an unbroken run."""
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    train(whole, steps(SMALL, 60), quiet, resume=False)
+    code = (
+        "import sys, pathlib; from rmll_train import settings, training\n"
+        "training.CHECKPOINT_SECONDS = 0.0\n"
+        "chosen = settings.load(pathlib.Path(sys.argv[1]), settings.Settings())\n"
+        "def report(progress): print(progress.steps, flush=True)\n"
+        "training.train(pathlib.Path(sys.argv[2]), chosen, report, resume=False)"
+    )
+    call = [sys.executable, "-c", code, str(whole / "settings.yaml"), str(killed)]
+    process = subprocess.Popen(call, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    for _ in range(7):
+        process.stdout.readline()
+    process.kill()
+    process.communicate(timeout=60)
+    reached = load_checkpoint(killed)["steps"] // (ENVS * ROLLOUT)
+    assert 6 <= reached < 60
+
+    train(killed, steps(SMALL, 60), quiet, resume=True)
+    expected, found = curves(whole), curves(killed)
+    assert expected.keys() == found.keys()
+    for name, values in expected.items():
+        assert found[name] == pytest.approx(values, rel=1e-3, abs=1e-3), name
+
+
+def curves(run: Path) -> dict[str, list[float]]:
+    accumulator = EventAccumulator(str(run), size_guidance={"scalars": 0})
+    accumulator.Reload()
+    return {
+        name: [event.value for event in accumulator.Scalars(name)]
+        for name in accumulator.Tags()["scalars"]
+    }
+
+
+def test_a_checkpoint_of_another_version_is_refused_in_one_line(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    train(run, steps(SMALL, 1), quiet, resume=False)
+    saved = load_checkpoint(run)
+    del saved["environment"]["buffers"]["threshold"]
+    save_checkpoint(run, saved)
+    with pytest.raises(InputError, match=r"another version of rmll-train.*threshold"):
+        train(run, steps(SMALL, 2), quiet, resume=True)
 
 
 def test_one_seed_gives_one_policy(tmp_path: Path) -> None:
@@ -145,16 +193,21 @@ def test_gradients_that_are_not_finite_are_skipped_counted_and_in_the_end_stop_t
             ppo.update()
 
 
-def test_policy_updates_leave_the_estimator_to_its_own_loss() -> None:
-    ppo = learner()
-    ppo.estimator_optimizer.param_groups[0]["lr"] = 0.0
-    before = [p.clone() for p in ppo.policy.estimator.parameters()]
-    roll_out(ppo, GaitEnv(load_gait("trot"), A1, SMALL.world, 0), poison=False)
-    ppo.update()
-    after = list(ppo.policy.estimator.parameters())
-    assert all(torch.equal(a, b) for a, b in zip(before, after, strict=True))
-    # a gradient left behind would count when PPO clips those of the whole actor
-    assert all(p.grad is None for p in after)
+def test_policy_and_estimator_learn_each_from_its_own_loss_alone() -> None:
+    learned = []
+    for left_over in (None, 1e6):
+        ppo = learner()
+        ppo.estimator_optimizer.param_groups[0]["lr"] = 0.0
+        before = [p.clone() for p in ppo.policy.estimator.parameters()]
+        roll_out(ppo, GaitEnv(load_gait("trot"), A1, SMALL.world, 0), poison=False)
+        for parameter in ppo.policy.estimator.parameters():
+            parameter.grad = left_over and torch.full_like(parameter, left_over)
+        ppo.update()
+        after = list(ppo.policy.estimator.parameters())
+        assert all(torch.equal(a, b) for a, b in zip(before, after, strict=True))
+        learned.append(ppo.policy.mlp.state_dict())
+    # the estimator's gradients, of whatever size, do not count when PPO clips the actor's
+    assert all(torch.equal(learned[0][name], value) for name, value in learned[1].items())
 
 
 def test_returns_scaled_have_unit_spread() -> None:

@@ -11,10 +11,12 @@ from rmll_train.simulation import Simulation
 class Contacts:
     """The labelling function's state; flags are (n, 4) in FR, FL, RR, RL."""
 
-    BUFFERS = ("down", "touching", "clear", "label", "touched_before", "air_time")
+    BUFFERS = ("threshold", "down", "touching", "clear", "label", "touched_before", "air_time")
 
     def __init__(self, robots: int, world: World, dt: float):
-        self._force, self._clearance, self._dt = world.contact_force, world.clearance, dt
+        self._clearance, self._dt = world.clearance, dt
+        self.threshold = torch.full((robots, 4), world.contact_force)
+        """[N] above which a foot's contact is noticed"""
         self.down = torch.ones(robots, 4, dtype=torch.bool)
         self.touching = self.down.clone()
         """Pressed now or one policy step ago"""
@@ -35,7 +37,7 @@ class Contacts:
 
     def observe(self, simulation: Simulation) -> Tensor:
         """Update labels; returns (n, 4) [s] in the air of feet that touch down now, else 0."""
-        touched = simulation.foot_force > self._force
+        touched = simulation.foot_force > self.threshold
         # one step of memory: a foot that bounces off for 20 ms has not lifted
         self.touching = touched | self.touched_before
         self.touched_before = touched

@@ -19,16 +19,19 @@ class Levels:
         self, terrain: Terrain | None, ground: Ground, robots: int, generator: torch.Generator
     ):
         self._terrain, self._generator = terrain, generator
-        self._count = ground.levels if terrain else 1
+        self._count, columns = terrain.centres.shape[:2] if terrain else (1, 1)
         self._harder_above = ground.harder_above
         start = min(START_LEVELS, self._count)
         self.level = torch.randint(start, (robots,), generator=generator)
-        self._column = torch.arange(robots) % max(1, len(ground.kinds))
+        self._column = torch.arange(robots) % columns
 
-    def update(self, ids: Tensor, early: Tensor, adherence: Tensor) -> None:
-        """After episodes of ``ids`` that ended ``early`` or not, each with its adherence (n,)."""
-        done = ~early & (adherence > self._harder_above)
-        level = self.level[ids] + done.long() - early.long()
+    def update(self, ids: Tensor, whole: Tensor, fell: Tensor, adherence: Tensor) -> None:
+        """After episodes of ``ids``: which came to their end, which fell, their adherence (n,).
+
+        A robot that broke another limit stays: with exploration that happens on any ground.
+        """
+        done = whole & (adherence > self._harder_above)
+        level = self.level[ids] + done.long() - fell.long()
         # who masters the last level is sent anywhere, so that no level is forgotten
         anywhere = torch.randint(self._count, level.shape, generator=self._generator)
         self.level[ids] = torch.where(level >= self._count, anywhere, level.clamp(min=0))

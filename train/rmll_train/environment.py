@@ -115,7 +115,8 @@ class GaitEnv(VecEnv):
         undefined = ~rewards.isfinite()
         self.failures += int((failed | undefined).sum())
         failed = failed | undefined
-        ended = self._ended(taken) | step.rejected | failed
+        down = ending.down(self.simulation, self.world.terminations)
+        ended = down | self._beyond_limits(taken) | step.rejected | failed
         rewards = torch.where(failed, torch.zeros(()), rewards)
         self.state, self.phi = step.state, step.phi
         self._last_action = taken
@@ -129,7 +130,7 @@ class GaitEnv(VecEnv):
         if done.any():
             over = done.nonzero()[:, 0]
             adherence = self._made[over] / self._allowed[over]
-            self.levels.update(over, ended[over], adherence)
+            self.levels.update(over, timeout[over], down[over], adherence)
             self._begin(over)
         self._observed = self._observe()
         return self._observed, rewards, done, {"time_outs": timeout}
@@ -199,26 +200,22 @@ class GaitEnv(VecEnv):
         motion = reward.Motion(
             self.command, taken, self._last_action, self._last_joint_velocity, landed_after
         )
-        walk = reward.walking(
-            reward.terms(self.simulation, motion, settings, self.dt),
-            settings,
-            self.demands.pressure,
-            self.dt,
-        )
+        pressure = self.demands.pressure
+        terms = reward.terms(self.simulation, motion, settings, pressure, self.dt)
+        walk = reward.walking(terms, settings, pressure, self.dt)
         walk = walk * ~wrong
         self._dwell_reward = self._dwell_reward + walk
         praised = walk if settings.bonus_on == "step" else self._dwell_reward / (self.phi + 1)
         self._dwell_reward = self._dwell_reward * ~step.advanced
         return torch.where(step.advanced, praised * settings.bonus, walk), walk
 
-    def _ended(self, taken: Tensor) -> Tensor:
-        """Robots whose episode ends before its time: at first only who is down, when the demands
-        are strict also who breaks a limit."""
-        limit = self.world.terminations
-        over = ending.down(self.simulation, limit)
-        if self.demands.strict:
-            over |= ending.beyond_limits(self.simulation, limit, taken - self._last_action)
-        return over
+    def _beyond_limits(self, taken: Tensor) -> Tensor:
+        """Robots that break a limit which ends the episode once the demands are strict."""
+        if not self.demands.strict:
+            return torch.zeros(self.num_envs, dtype=torch.bool)
+        return ending.beyond_limits(
+            self.simulation, self.world.terminations, taken - self._last_action
+        )
 
     def _disturb(self) -> None:
         """Pushes, and new commands within an episode."""
@@ -248,6 +245,7 @@ class GaitEnv(VecEnv):
             delay=delay,
         )
         self.simulation.vary(variation)
+        self.contacts.threshold *= self._uniform((self.num_envs, 4), *r.foot_threshold)
 
     def _begin(self, ids: Tensor) -> None:
         """Start new episodes for these robots."""

@@ -9,12 +9,14 @@ from typing import Any
 import torch
 from rsl_rl.models import MLPModel
 from rsl_rl.modules import MLP
+from rsl_rl.modules.distribution import GaussianDistribution
 from tensordict import TensorDict
 from torch import Tensor
 
 from rmll_contract import observation
 from rmll_train.folding import Fold
 
+ACTIVATION = "relu"
 ESTIMATE_SIZE = observation.size(observation.ESTIMATES)
 # Heights are centimetres, velocities decimetres a second: weights that make both errors count.
 _LOSS_WEIGHT = (1.0,) * 3 + (100.0,) * 4
@@ -27,13 +29,14 @@ class EstimatingActor(MLPModel):
     """
 
     estimate_scale: Tensor
+    distribution: GaussianDistribution  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def __init__(
         self, *args: Any, fold: Fold, estimator_hidden: tuple[int, ...] = (128, 128), **kwargs: Any
     ):
         super().__init__(*args, **kwargs)
         self.fold = fold
-        self.estimator = MLP(self.obs_dim, ESTIMATE_SIZE, estimator_hidden, "elu")
+        self.estimator = MLP(self.obs_dim, ESTIMATE_SIZE, estimator_hidden, ACTIVATION)
         scales = [torch.full((field.size,), field.scale) for field in observation.ESTIMATES]
         self.register_buffer("estimate_scale", torch.cat(scales))
 
@@ -41,21 +44,19 @@ class EstimatingActor(MLPModel):
         self, obs: TensorDict, masks: Any = None, hidden_state: Any = None,
         stochastic_output: bool = False,
     ) -> Tensor:  # fmt: skip
-        assert self.distribution is not None
-        mean = self.mean(obs["policy"])
-        if not stochastic_output:
-            return self.distribution.deterministic_output(mean)
-        self.distribution.update(mean)
-        return self.distribution.sample()
+        return self.mean(obs["policy"])
 
     def mean(self, own: Tensor) -> Tensor:
         """Actions (n, 12) without exploration, from ``policy`` observations (n, size)."""
         turned = self.fold.turned(own)
-        own = self.fold.observation(own, turned)
+        seen = self.fold.observation(own, turned)
+        return self.fold.action(self.mlp(self.with_estimate(seen)), turned)
+
+    def with_estimate(self, seen: Tensor) -> Tensor:
+        """What the policy's layers take: folded observations (n, size) and scaled estimates."""
         with torch.no_grad():
-            estimate = self.estimator(own)
-        answer = self.mlp(torch.cat([own, estimate * self.estimate_scale], dim=-1))
-        return self.fold.action(answer, turned)
+            estimate = self.estimator(seen)
+        return torch.cat([seen, estimate * self.estimate_scale], dim=-1)
 
     def estimate(self, own: Tensor) -> Tensor:
         """Base velocity (3) [m/s], foot heights (4) [m] from ``policy`` observations (n, size)."""

@@ -15,6 +15,7 @@ from mujoco.batch import Batch, SimulationError
 from torch import Tensor
 
 from rmll_robots import Robot
+from rmll_robots.ground import lay
 from rmll_train.terrain import Terrain
 
 _UNSTABLE = [
@@ -73,22 +74,8 @@ def training_model(robot: Robot, terrain: Terrain | None = None) -> mujoco.MjMod
         if geom.name != "floor":
             geom.contype, geom.conaffinity = 0, int(geom.name in robot.foot_names)
     if terrain is not None:
-        _lay(spec, terrain)
+        lay(spec, terrain.field)
     return spec.compile()
-
-
-def _lay(spec: mujoco.MjSpec, terrain: Terrain) -> None:
-    """Put a height field in the floor's place. MuJoCo wants heights from 0 to 1, and a scale."""
-    heights = terrain.heights
-    low, high = float(heights.min()), float(heights.max())
-    spec.add_hfield(
-        name="ground", nrow=heights.shape[0], ncol=heights.shape[1],
-        size=[*terrain.radii, max(high - low, 1e-6), 0.1],
-        userdata=((heights - low) / max(high - low, 1e-6)).ravel().tolist(),
-    )  # fmt: skip
-    floor = next(geom for geom in spec.geoms if geom.name == "floor")
-    floor.type, floor.hfieldname = mujoco.mjtGeom.mjGEOM_HFIELD, "ground"
-    floor.pos = [0.0, 0.0, low]
 
 
 class Simulation:

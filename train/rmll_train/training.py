@@ -11,6 +11,7 @@ import torch
 import yaml
 from torch.utils.tensorboard import SummaryWriter
 
+from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait
 from rmll_robots import A1
 from rmll_train import settings as settings_file
@@ -18,6 +19,7 @@ from rmll_train.checkpoint import load_checkpoint, save_checkpoint, save_policy
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import evaluate, golden_trace
 from rmll_train.learner import GaitPPO
+from rmll_train.network import EstimatingActor
 from rmll_train.provenance import origin
 from rmll_train.settings import Settings
 
@@ -37,6 +39,7 @@ class Progress:
     rate: float
     """environment steps a second, learning included, over this update"""
     metrics: dict[str, float]
+    losses: dict[str, float]
 
 
 Report = Callable[[Progress], None]
@@ -49,39 +52,59 @@ def train(folder: Path, settings: Settings, report: Report, resume: bool) -> boo
     ``policy.safetensors``, TensorBoard events and, when finished, ``result.yaml``.
     Raises Failure when training diverges; the last good checkpoint stays.
     """
-    run = _Run(folder, settings)
+    run = Run(settings)
     if resume:
-        run.restore()
+        saved = load_checkpoint(folder)
+        try:
+            run.restore(saved)
+        except (KeyError, RuntimeError, ValueError) as error:
+            raise InputError(
+                f"{folder}: its checkpoint is of another version of rmll-train or of other "
+                f"settings: {error}; go on with the version that began it"
+            ) from error
     folder.mkdir(parents=True, exist_ok=resume)
     (folder / SETTINGS).write_text(settings_file.to_yaml(settings))
-    with _Interrupt() as interrupt, SummaryWriter(str(folder), purge_step=run.steps) as writer:
+    with _Interrupt() as interrupt, SummaryWriter(str(folder), purge_step=run.steps + 1) as writer:
         saved_at = time.monotonic()
         while run.steps < settings.learner.steps and not interrupt.asked:
-            run.update(writer, report)
+            progress = run.update()
+            _draw(writer, progress)
+            report(progress)
             if time.monotonic() - saved_at > CHECKPOINT_SECONDS:
-                run.save()
+                writer.flush()  # first the curves: a resumed run draws only from its checkpoint on
+                run.save(folder)
                 saved_at = time.monotonic()
-        run.save()
+        run.save(folder)
     if interrupt.asked:
         return False
-    run.finish()
+    run.finish(folder)
     return True
 
 
-class _Run:
+def _draw(writer: SummaryWriter, progress: Progress) -> None:
+    for group, values in (("walk", progress.metrics), ("loss", progress.losses)):
+        for name, value in values.items():
+            writer.add_scalar(f"{group}/{name}", value, progress.steps)
+
+
+class Run:
     """The parts of a run that change while it trains."""
 
-    def __init__(self, folder: Path, settings: Settings):
+    def __init__(self, settings: Settings):
         torch.manual_seed(settings.seed)
-        self._folder, self._settings = folder, settings
+        self._settings = settings
         self._origin = origin(settings)
         self._env = GaitEnv(load_gait(settings.gait), A1, settings.world, settings.seed)
         self._learner = GaitPPO(self._env, settings.learner)
         self.steps = 0
-        self._seconds = 0.0
+        self.seconds = 0.0
         """of training, all sessions of the run together"""
 
-    def update(self, writer: SummaryWriter, report: Report) -> None:
+    @property
+    def policy(self) -> EstimatingActor:
+        return self._learner.policy
+
+    def update(self) -> Progress:
         """Collect one rollout and learn from it."""
         began = time.monotonic()
         env, learner = self._env, self._learner
@@ -91,11 +114,12 @@ class _Run:
                 obs, rewards, dones, extras = env.step(learner.act(obs))
                 learner.process_env_step(obs, rewards, dones, extras)
             learner.compute_returns(obs)
+        learner.entropy_coef = self._settings.learner.entropy[env.demands.strict]
         losses = learner.update()
         taken = env.num_envs * self._settings.learner.rollout
         elapsed = time.monotonic() - began
         self.steps += taken
-        self._seconds += elapsed
+        self.seconds += elapsed
 
         walked = env.take_tally().metrics()
         env.demands.update(walked["adherence"], walked["vx_error"])
@@ -107,47 +131,44 @@ class _Run:
             "failures": float(env.failures),
             "skipped_steps": float(learner.skipped_steps),
         }
-        for name, value in metrics.items():
-            writer.add_scalar(f"walk/{name}", value, self.steps)
-        for name, value in losses.items():
-            writer.add_scalar(f"loss/{name}", value, self.steps)
-        report(Progress(self.steps, self._settings.learner.steps, taken / elapsed, metrics))
+        total = self._settings.learner.steps
+        return Progress(self.steps, total, taken / elapsed, metrics, losses)
 
-    def save(self) -> None:
+    def save(self, folder: Path) -> None:
         """Write both checkpoint files."""
         state = {
             "learner": self._learner.state(),
             "environment": self._env.state_dict(),
             "random": torch.get_rng_state(),
             "steps": self.steps,
-            "seconds": self._seconds,
+            "seconds": self.seconds,
         }
-        save_checkpoint(self._folder, state)
-        self._save_policy(self._provenance())
+        save_checkpoint(folder, state)
+        self._save_policy(folder, self._provenance())
 
-    def restore(self) -> None:
-        saved = load_checkpoint(self._folder)
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Go on from what :meth:`save` wrote."""
         self._learner.restore(saved["learner"])
         self._env.load_state_dict(saved["environment"])
         torch.set_rng_state(saved["random"])
-        self.steps, self._seconds = saved["steps"], saved["seconds"]
+        self.steps, self.seconds = saved["steps"], saved["seconds"]
 
-    def finish(self) -> None:
+    def finish(self, folder: Path) -> None:
         """Measure the policy without exploration and write the result."""
         tally = evaluate(self._learner.policy, self._env, EVALUATION_STEPS)
         result = self._provenance() | {"metrics": tally.metrics()}
-        self._save_policy(result)
-        (self._folder / RESULT).write_text(yaml.safe_dump(result, sort_keys=False))
+        self._save_policy(folder, result)
+        (folder / RESULT).write_text(yaml.safe_dump(result, sort_keys=False))
 
-    def _save_policy(self, provenance: dict[str, Any]) -> None:
+    def _save_policy(self, folder: Path, provenance: dict[str, Any]) -> None:
         env, policy = self._env, self._learner.policy
         trace = golden_trace(policy, env.table, env.robot, self._settings.world)
-        save_policy(self._folder, policy, env, trace, provenance)
+        save_policy(folder, policy, env, trace, provenance)
 
     def _provenance(self) -> dict[str, Any]:
         return self._origin | {
             "steps": self.steps,
-            "minutes": round(self._seconds / 60, 2),
+            "minutes": round(self.seconds / 60, 2),
             "failed_simulations": self._env.failures,
             "skipped_steps": self._learner.skipped_steps,
         }

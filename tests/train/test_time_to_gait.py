@@ -1,0 +1,47 @@
+"""The table of how long gaits take: when a level counts as held, and that it goes on."""
+
+from pathlib import Path
+
+import pytest
+
+from rmll_gaits.errors import InputError
+from rmll_train import time_to_gait
+from rmll_train.settings import Settings, overlaid
+from rmll_train.time_to_gait import WITHOUT, Emergence, held, measure
+
+
+def test_a_level_is_held_from_the_first_of_two_evaluations_in_a_row() -> None:
+    seen = [(1, 0.1, 0.92), (2, 0.2, 0.5), (3, 0.3, 0.93), (4, 0.4, 0.96)]
+    assert held(seen, 0.9) == (3, 0.3)
+    assert held(seen, 0.95) is None
+    assert held([], 0.9) is None
+
+
+@pytest.mark.parametrize("name", [name for name in WITHOUT if name])
+def test_each_departure_can_be_turned_off(name: str) -> None:
+    assert overlaid(Settings(), WITHOUT[name], name) != Settings()
+
+
+def test_an_interrupted_table_goes_on_where_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def trained(gait: str, seed: int, without: str, limit: int, say: object) -> Emergence:
+        asked.append((gait, seed))
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        return Emergence(gait, seed, without, "abc", [1, None], [0.1, None], 0.93, 1000)
+
+    monkeypatch.setattr(time_to_gait, "time_to_gait", trained)
+    out = tmp_path / "table.jsonl"
+    with pytest.raises(KeyboardInterrupt):
+        measure(gaits=("trot", "walk"), seeds=(0,), out=out)
+    measure(gaits=("trot", "walk"), seeds=(0,), out=out)
+    assert asked == [("trot", 0), ("walk", 0), ("walk", 0)]
+    assert len(out.read_text().splitlines()) == 2
+
+
+def test_an_unknown_departure_is_refused_with_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"--without magic: known: all, .*symmetry"):
+        measure(without=("magic",), out=tmp_path / "table.jsonl")

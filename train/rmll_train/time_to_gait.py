@@ -1,0 +1,156 @@
+"""How long gaits take to emerge: steps and minutes until a policy without exploration adheres.
+
+    python -m rmll_train.time_to_gait --gaits trot walk --seeds 0 1 2
+    python -m rmll_train.time_to_gait --gaits trot --seeds 0 --without all
+
+Each run trains with default settings on flat ground. Every quarter of a million steps the policy
+walks without exploration, under all rules of the gait, over the whole range of its commands. A
+level is held when two such evaluations in a row reach it; the first of them counts. Their time is
+left out of the minutes. Results are kept as lines of JSON, so that an interrupted table goes on.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise, product
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from rmll_contract import command
+from rmll_gaits.errors import InputError
+from rmll_gaits.load import load_gait
+from rmll_robots import A1
+from rmll_train.environment import GaitEnv
+from rmll_train.evaluation import evaluate
+from rmll_train.provenance import origin
+from rmll_train.settings import Settings, overlaid
+from rmll_train.training import Run
+
+LEVELS = 0.90, 0.95
+EVERY = 250_000
+"""Environment steps between two evaluations"""
+ROBOTS = 128
+SECONDS = 5.0
+"""of each evaluated walk"""
+SIX = ("trot", "pace", "bound", "walk", "three_one", "half_bound")
+WITHOUT: dict[str, dict[str, Any]] = {
+    "": {},
+    "form": {"world": {"rewards": {"form": "clip"}}},
+    "dwell": {"world": {"rewards": {"bonus_on": "step"}}},
+    "pressure": {"world": {"rewards": {"pressure": [1.0, 1.0]}}},
+    "lenience": {"world": {"rewards": {"strict_above": 0.0}}},
+    "start": {"world": {"start": "first"}},
+    "scale": {"learner": {"normalise_returns": False}},
+    "symmetry": {"learner": {"symmetry": False}},
+    "rates": {"learner": {"rate_range": [1e-5, 1e-2]}},
+    "entropy": {"learner": {"entropy": [0.01, 0.01]}},
+    "spread": {"learner": {"spread_rate": 1.0}},
+    "epochs": {"learner": {"epochs": 5}},
+    "bf16": {"learner": {"bf16": False}},
+}
+"""What each departure from the paper is called, and the settings that turn it off"""
+
+
+@dataclass(frozen=True)
+class Emergence:
+    """One run's result; None for a level that it did not hold."""
+
+    gait: str
+    seed: int
+    without: str
+    commit: str
+    steps: list[int | None]
+    """environment steps, for each of ``LEVELS``"""
+    minutes: list[float | None]
+    adherence: float
+    """at the end of the run"""
+    rate: float
+    """environment steps a second, learning included"""
+
+
+def time_to_gait(
+    gait: str, seed: int, without: str, limit: int, say: Callable[[str], None]
+) -> Emergence:
+    """Train until the highest level is held, or for ``limit`` steps."""
+    settings = overlaid(replace(Settings(), gait=gait, seed=seed), WITHOUT[without], without)
+    run = Run(settings)
+    judged = GaitEnv(load_gait(gait), A1, replace(settings.world, envs=ROBOTS), seed + 1000)
+    judged.demands.strict = True
+    seen: list[tuple[int, float, float]] = []
+    while run.steps < limit and not held(seen, LEVELS[-1]):
+        run.update()
+        if run.steps >= min(limit, EVERY * (len(seen) + 1)):
+            walked = evaluate(run.policy, judged, round(SECONDS * A1.policy_hz)).metrics()
+            seen.append((run.steps, run.seconds / 60, walked["adherence"]))
+            say(f"{gait} {without} seed {seed}: {run.steps / 1e6:.2f} M steps, {seen[-1][2]:.3f}")
+    marks = [held(seen, level) for level in LEVELS]
+    return Emergence(
+        gait, seed, without, origin(settings)["commit"],
+        steps=[mark and mark[0] for mark in marks],
+        minutes=[mark and round(mark[1], 2) for mark in marks],
+        adherence=round(seen[-1][2], 3), rate=round(run.steps / run.seconds),
+    )  # fmt: skip
+
+
+def held(seen: list[tuple[int, float, float]], level: float) -> tuple[int, float] | None:
+    """Steps and minutes at the first of two evaluations in a row that reach ``level``."""
+    for (steps, minutes, first), (_, _, second) in pairwise(seen):
+        if min(first, second) >= level:
+            return steps, minutes
+    return None
+
+
+def _table(results: list[Emergence]) -> Table:
+    table = Table("gait", "seed", "without", box=None)
+    for head in (*(f"{level:.2f} at [M steps]" for level in LEVELS),
+                 *(f"{level:.2f} at [min]" for level in LEVELS), "last", "steps/s"):  # fmt: skip
+        table.add_column(head, justify="right")
+    for found in results:
+        millions = [_plain(steps and steps / 1e6) for steps in found.steps]
+        minutes = [_plain(value) for value in found.minutes]
+        last, rate = f"{found.adherence:.3f}", f"{found.rate:,}"
+        table.add_row(found.gait, str(found.seed), found.without, *millions, *minutes, last, rate)
+    return table
+
+
+def _plain(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def measure(
+    gaits: tuple[str, ...] = SIX,
+    seeds: tuple[int, ...] = (0, 1, 2),
+    without: tuple[str, ...] = ("",),
+    limit: int = 12_000_000,
+    out: Path = Path("time-to-gait.jsonl"),
+) -> None:
+    """Measure how long gaits take to emerge, with default settings on flat ground.
+
+    Example: python -m rmll_train.time_to_gait --gaits trot --seeds 0
+
+    Args:
+        gaits: names of the library, or gait files.
+        seeds: one run each.
+        without: departures from the paper to turn off, one a run; "all" for each of them in turn.
+        limit: environment steps after which a run is given up.
+        out: one line a run; runs that have their line are not repeated.
+    """
+    console = Console(stderr=True)
+    lines = out.read_text().splitlines() if out.exists() else []
+    results = [Emergence(**json.loads(line)) for line in lines]
+    if unknown := set(without) - {"all", *WITHOUT}:
+        raise InputError(f"--without {unknown.pop()}: known: all, {', '.join(WITHOUT)}")
+    chosen = tuple(WITHOUT) if "all" in without else without
+    for run in product(gaits, seeds, chosen):
+        if not any((found.gait, found.seed, found.without) == run for found in results):
+            results.append(time_to_gait(*run, limit, console.print))
+            with out.open("a") as file:
+                file.write(json.dumps(asdict(results[-1])) + "\n")
+    Console().print(_table(results))
+
+
+if __name__ == "__main__":
+    command.run("rmll_train.time_to_gait", measure)
