@@ -8,6 +8,7 @@ Joint arrays are (12,): legs FR, FL, RR, RL, within a leg hip, thigh, calf.
 """
 
 import zlib
+from array import array
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
@@ -94,6 +95,7 @@ LOW_STATE_LENGTH = LOW_STATE.itemsize
 
 # Counts of the int16 fields per N·m, N·m/rad and N·m·s/rad
 TAU_SCALE, KP_SCALE, KD_SCALE = 256.0, 32.0, 16.0
+_COMMAND_SCALES = np.array([[TAU_SCALE], [KP_SCALE], [KD_SCALE]])
 
 
 class Reason(StrEnum):
@@ -103,6 +105,9 @@ class Reason(StrEnum):
     LEVEL = "level flag"
     CRC = "checksum"
     NOT_FINITE = "not finite"
+    LATE = "late"
+    REPEATED = "repeated"
+    AHEAD = "ahead of time"
 
 
 class BadPacket(ValueError):
@@ -170,17 +175,15 @@ def encode_command(command: MotorCommand, level: int = LOW_LEVEL) -> bytes:
     Torque and gains beyond what the wire can carry saturate; they would wrap in the SDK.
     Raises ValueError if anything is not finite.
     """
-    packet = _IDLE_COMMAND.copy()
-    packet["level"] = level
-    motor = packet["motor"][:JOINTS]
+    numbers = np.array((command.q, command.dq, command.tau, command.kp, command.kd))
+    _require_finite(numbers)
+    packet = bytearray(_IDLE_COMMAND)
+    packet[0] = level
+    motor = np.frombuffer(packet, MOTOR_COMMAND, JOINTS, _MOTOR_OFFSET)
     motor["mode"] = command.mode
-    _require_finite(command.q, command.dq, command.tau, command.kp, command.kd)
-    motor["q"] = command.q
-    motor["dq"] = command.dq
-    motor["tau"] = _saturated(command.tau * TAU_SCALE)
-    motor["kp"] = _saturated(command.kp * KP_SCALE)
-    motor["kd"] = _saturated(command.kd * KD_SCALE)
-    return _sealed(packet)
+    motor["q"], motor["dq"] = numbers[:2]
+    motor["tau"], motor["kp"], motor["kd"] = _saturated(numbers[2:] * _COMMAND_SCALES)
+    return _sealed(bytes(packet))
 
 
 def decode_command(datagram: bytes) -> MotorCommand:
@@ -218,7 +221,7 @@ def encode_state(state: RobotState) -> bytes:
     motor["dq"] = state.dq
     motor["tau"] = _saturated(state.tau * TAU_SCALE)
     motor["temperature"] = state.temperature.clip(-128, 127)
-    return _sealed(packet)
+    return _sealed(packet.tobytes())
 
 
 def decode_state(datagram: bytes, out: RobotState | None = None) -> RobotState:
@@ -247,6 +250,16 @@ def decode_state(datagram: bytes, out: RobotState | None = None) -> RobotState:
     return state
 
 
+def check_state(datagram: bytes) -> None:
+    """Raises BadPacket unless the datagram is a whole LowState; its numbers are not looked at."""
+    _checked(datagram, LOW_STATE)
+
+
+def peek_tick(datagram: bytes) -> int:
+    """The tick of a LowState that is not checked yet; too short a one gives 0."""
+    return int.from_bytes(datagram[_TICK], "little")
+
+
 def crc(data: bytes) -> int:
     """The board's checksum of whole 32-bit words: the STM32's CRC unit as it comes.
 
@@ -254,8 +267,9 @@ def crc(data: bytes) -> int:
     nothing reflected. zlib computes the reflected kind, so its input bytes and its result are
     mirrored: 400 times faster than shifting bits in Python.
     """
-    swapped = np.frombuffer(data, "<u4").byteswap().tobytes()
-    mirrored = zlib.crc32(swapped.translate(_MIRROR)) ^ 0xFFFFFFFF
+    words = array("I", data)
+    words.byteswap()
+    mirrored = zlib.crc32(words.tobytes().translate(_MIRROR)) ^ 0xFFFFFFFF
     return int.from_bytes(mirrored.to_bytes(4, "little").translate(_MIRROR), "big")
 
 
@@ -264,25 +278,26 @@ def protected(length: int) -> int:
     return (length // 4 - 1) * 4
 
 
+_TICK = slice(719, 723)
 _MIRROR = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
-def _idle_command() -> NDArray[np.void]:
+def _idle_command() -> bytes:
     packet = np.zeros((), LOW_CMD)
     packet["motor"]["mode"] = MODE_SERVO
     packet["motor"]["q"] = POS_STOP
     packet["motor"]["dq"] = VEL_STOP
-    packet.flags.writeable = False
-    return packet
+    return packet.tobytes()
 
 
 _IDLE_COMMAND = _idle_command()
+_MOTOR_OFFSET = np.dtype(HEADER).itemsize
+"""In a command the motors come next"""
 
 
-def _sealed(packet: NDArray[np.void]) -> bytes:
-    data = packet.tobytes()
-    body = data[:-4]
-    return body + crc(body[: protected(len(data))]).to_bytes(4, "little")
+def _sealed(packet: bytes) -> bytes:
+    body = packet[:-4]
+    return body + crc(body[: protected(len(packet))]).to_bytes(4, "little")
 
 
 def _checked(datagram: bytes, kind: np.dtype) -> NDArray[np.void]:
@@ -302,8 +317,8 @@ def _saturated(counts: NDArray) -> NDArray:
 
 
 def _finite(arrays: tuple[NDArray, ...]) -> bool:
-    # also false for what would round to infinity in 32 bits
-    return bool((np.abs(np.concatenate(arrays)) <= _FLOAT32_MAX).all())
+    # also false for what would round to infinity in 32 bits, and for NaN, the largest of all
+    return bool(np.abs(np.concatenate(arrays)).max() <= _FLOAT32_MAX)
 
 
 def _require_finite(*arrays: NDArray) -> None:

@@ -95,6 +95,9 @@ def _check_layout(contract: Contract, table: MachineTable) -> None:
     sizes = {f.name: f.size for f in contract.observation}
     if len(sizes) != len(contract.observation) or not sizes.items() <= known.items():
         raise InputError(f"its observation is {sizes}, this runtime provides {known}")
+    heights = [f.size for f in contract.estimates if f.name == "foot_height"]
+    if heights != [len(FEET)]:
+        raise InputError("its estimates are not those of this runtime: one foot_height of 4")
 
 
 def _check_numbers(contract: Contract, robot: Robot) -> None:

@@ -1,7 +1,9 @@
 """``rmll-onboard``: walk a gait on the robot."""
 
+import os
 import signal
-from contextlib import closing, nullcontext
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -9,53 +11,69 @@ import msgspec
 
 from rmll_contract import command, observation
 from rmll_gaits.errors import Failure, InputError
-from rmll_gaits.table import Commands
+from rmll_onboard import realtime, timing
+from rmll_onboard.about import describe
 from rmll_onboard.bundle import Bundle, load_bundle
+from rmll_onboard.command_socket import SocketPilot
 from rmll_onboard.controller import prove
 from rmll_onboard.daemon import Daemon
-from rmll_onboard.link import UdpLink
-from rmll_onboard.log import Log
+from rmll_onboard.gamepad import GamepadPilot, open_gamepad
 from rmll_onboard.loop import Loop
 from rmll_onboard.pilot import FlagPilot, Pilot, RemotePilot, middle_frequency
-from rmll_onboard.settings import Settings, as_yaml, load_settings
+from rmll_onboard.recorder import Recorder, log_path
+from rmll_onboard.service import Service
+from rmll_onboard.settings import Kind, Settings, as_yaml, load_settings
+from rmll_onboard.understudy import Understudy
+from rmll_onboard.wire import open_link
 
-REMOTE_RULES = (
-    "Remote: START stands up, A walks, B stands still, SELECT sits down, L2+B damps for good.\n"
-    "Left stick: forward and back; right stick: turn. Ctrl-C sits down and ends."
+BUTTONS = (
+    "START stands up, A walks, B stands still, SELECT sits down, L2+B damps for good.\n"
+    "Left stick: forward and back; right stick: turn; up and down: faster and slower steps.\n"
+    "Ctrl-C sits down and ends."
 )
 
 
 def onboard(
     policy: Path | None = None,
     settings: Path | None = None,
+    link: Kind | None = None,
     robot_address: str | None = None,
     vx: float | None = None,
     wz: float | None = None,
-    frequency: float | None = None,
+    frequency: tuple[float, ...] | None = None,
     seconds: float | None = None,
+    gamepad: Path | None = None,
+    commands: Path | None = None,
     check: bool = False,
     print_settings: bool = False,
-    log: Path | None = None,
+    record: Path | None = None,
+    report: bool = False,
     json: bool = False,
 ) -> int:
-    """Stand the robot up and walk, led by its wireless remote or by the flags.
+    """Stand the robot up and walk, led by its remote, a gamepad, a program or the flags.
 
     Example: rmll-onboard --policy policies/trot.onnx --vx 0.5 --seconds 20
 
     Args:
         policy: the bundle to run.
         settings: YAML file with what differs from --print-settings.
+        link: udp to an A1, or can to the actuators of the settings, instead of the settings' one.
         robot_address: host:port of the robot, instead of the settings' one.
         vx: forward speed [m/s]. Any of vx, wz, frequency makes the robot walk by itself.
         wz: turning speed [rad/s], left positive.
-        frequency: c_f, the least policy steps between two transitions; small is fast.
+        frequency: c_f, the least policy steps between two transitions; small is fast. Several
+            values share the seconds.
         seconds: walk so long by the flags, then sit down; without it until Ctrl-C.
+        gamepad: the USB gamepad that leads, such as /dev/input/event3; auto takes the first one.
+        commands: new UNIX socket on which a program leads, with JSON messages.
         check: prove the bundle, print what is in it, and leave the network alone.
         print_settings: print all settings with their defaults, and do nothing else.
-        log: CSV file for what the policy saw and did.
-        json: print the report as one JSON object.
+        record: new .mcap file for all that is received, sent and thought, or a folder for it;
+            see rmll-hil replay.
+        report: print at the end how well time was kept, as percentiles.
+        json: print all that there is to report as one JSON object.
     """
-    options = load_settings(settings)
+    options = load_settings(settings).over(link, robot_address)
     if print_settings:
         print(as_yaml(options))
         return 0
@@ -66,46 +84,83 @@ def onboard(
     if check:
         _show(_contents(bundle, steps), json)
         return 0
-    pilot = _pilot(bundle.table.commands, vx, wz, frequency, seconds)
-    if isinstance(pilot, RemotePilot) and not json:
-        print(REMOTE_RULES)
-    return _walk(bundle, options, robot_address or options.link.robot_address, pilot, log, json)
+    flags = {"vx": vx, "wz": wz, "frequency": frequency}
+    given = {name: value for name, value in flags.items() if value is not None}
+    with _leading(bundle, options, given, seconds, gamepad, commands) as pilot:
+        if options.link.kind == "can" and isinstance(pilot, RemotePilot):
+            raise InputError("--link can: no remote there; lead by --vx, --gamepad or --commands")
+        if isinstance(pilot, RemotePilot | GamepadPilot) and not json:
+            print(BUTTONS)
+        return _walk(bundle, options, pilot, record, report, json)
 
 
 def _walk(
-    bundle: Bundle, settings: Settings, address: str, pilot: Pilot, log: Path | None, json: bool
+    bundle: Bundle,
+    settings: Settings,
+    pilot: Pilot,
+    record: Path | None,
+    percentiles: bool,
+    json: bool,
 ) -> int:
-    rows = None if log is None else Log(bundle)
-    # opened first, so that a wrong path shows before the robot stands
+    recorder = None
+    if record is not None:
+        about = describe(bundle, settings, real_time=True)
+        path = log_path(record, bundle.contract.gait)
+        recorder = Recorder(path, about, settings.record.max_mb)
+    # the recorder is closed last: waiting for the disk must not keep the robot from damping
     with (
-        nullcontext() if log is None else log.open("x", newline="") as file,
-        closing(UdpLink(address, settings.link.local_port)) as link,
+        nullcontext() if recorder is None else closing(recorder),
+        closing(open_link(settings, bundle.robot)) as link,
+        closing(Service(os.environ)) as service,
     ):
-        daemon = Daemon(bundle, settings, pilot, rows)
-        loop = Loop(daemon, link)
-        try:
-            loop.run(settings.link.startup_timeout)
-        finally:
-            if rows is not None and file is not None:
-                rows.write(file)
-    _show({"gait": bundle.contract.gait} | daemon.report() | loop.report(), json)
+        daemon = Daemon(bundle, settings, pilot)
+        realtime.enter(settings.realtime)
+        understudy = Understudy(bundle, settings)
+        keep = recorder and recorder.keep
+        loop = Loop(daemon, link, settings.realtime, keep, service, understudy)
+        loop.run(settings.link.startup_timeout)
+    report = {"gait": bundle.contract.gait} | daemon.report() | loop.report()
+    report |= {"record": recorder and recorder.report()}
+    if not json:
+        if percentiles:
+            print(timing.table(report))
+        del report["pace"]
+    _show(report, json)
     if daemon.fault:
         raise Failure(daemon.fault)
     return 130 if loop.stopped_by is signal.SIGINT else 0
 
 
-def _pilot(
-    commands: Commands,
-    vx: float | None,
-    wz: float | None,
-    frequency: float | None,
+@contextmanager
+def _leading(
+    bundle: Bundle,
+    settings: Settings,
+    flags: dict[str, Any],
     seconds: float | None,
-) -> Pilot:
-    if vx is None and wz is None and frequency is None:
-        if seconds is not None:
-            raise InputError("--seconds needs one of --vx, --wz, --frequency")
-        return RemotePilot(commands, middle_frequency(commands))
-    return FlagPilot(commands, vx or 0.0, wz or 0.0, frequency, seconds)
+    gamepad: Path | None,
+    commands: Path | None,
+) -> Iterator[Pilot]:
+    """The one pilot that was asked for; by default it is the person with the remote."""
+    ranges = bundle.table.commands
+    leaders = [f"--{name}" for name in flags]
+    leaders += [name for name, value in (("--gamepad", gamepad), ("--commands", commands)) if value]
+    if len(leaders) > 1 and (gamepad or commands):
+        raise InputError(f"{' and '.join(leaders)}: one can lead, not both")
+    if seconds is not None and not flags:
+        raise InputError("--seconds needs one of --vx, --wz, --frequency")
+    frequency = middle_frequency(ranges)
+    if gamepad:
+        device = None if str(gamepad) == "auto" else gamepad
+        with closing(GamepadPilot(open_gamepad(device), ranges, frequency)) as pilot:
+            yield pilot
+    elif commands:
+        silence = settings.steering.silence
+        with closing(SocketPilot(commands, frequency, silence)) as pilot:
+            yield pilot
+    elif flags:
+        yield FlagPilot(ranges, seconds=seconds, **flags)
+    else:
+        yield RemotePilot(ranges, frequency)
 
 
 def _contents(bundle: Bundle, steps: int) -> dict[str, Any]:

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmll_contract import action, observation
-from rmll_gaits import label, machine
+from rmll_gaits import label
 from rmll_gaits.errors import InputError
 from rmll_gaits.label import FEET
-from rmll_gaits.machine import Machine
+from rmll_gaits.progress import Progress
 from rmll_onboard.bundle import Bundle
 from rmll_onboard.policy import Policy
 
@@ -27,37 +27,56 @@ class Controller:
         self._fields = contract.observation
         self._default_pose = np.array(contract.default_pose)
         self._scale, self._clip = contract.action_scale, contract.action_clip
-        self._machine = Machine.of(table)
-        self._start = table.start
+        self._progress = Progress(table)
         ranges = table.commands
         self._low, self._high = np.array([ranges.vx, ranges.wz, ranges.frequency]).T
         self._policy = Policy(bundle.session)
         self._one_hot = np.eye(table.num_states, dtype=np.float32)
         self.observation = np.zeros(observation.size(self._fields), np.float32)
         self.estimate = np.zeros(observation.size(contract.estimates), np.float32)
+        self._foot_height = observation.find(contract.estimates, "foot_height")
         self.reset()
 
     def reset(self) -> None:
         """Begin an episode: the start state, all feet down, no action yet."""
-        self._age = -1
+        self._progress.reset()
         self.down = np.ones(len(FEET), bool)
         self.label = int(label.label(self.down))
         """Contact label, 0 to 15"""
-        self.state = self._start
-        """State of the automaton, after the step"""
-        self.phi = 0
-        """Policy steps since the last transition"""
-        self.advanced = False
-        """An edge of the gait was taken"""
-        self.off_spec = False
-        """Neither an edge nor a hold of the state before the step explains the label"""
         self.command = np.zeros(3)
         """vx [m/s], wz [rad/s], c_f [policy steps], as used: clamped to what was trained"""
         self.action = np.zeros(self._default_pose.size, np.float32)
         """As used: clipped"""
+        self.raw_action = self.action
+        """As the network gave it"""
         self.estimate[:] = 0
         self.target = self._default_pose.copy()
         """Joint targets [rad]"""
+
+    @property
+    def state(self) -> int:
+        """State of the automaton, after the step"""
+        return self._progress.state
+
+    @property
+    def phi(self) -> int:
+        """Policy steps since the last transition"""
+        return self._progress.phi
+
+    @property
+    def advanced(self) -> bool:
+        """An edge of the gait was taken"""
+        return self._progress.advanced
+
+    @property
+    def off_spec(self) -> bool:
+        """Neither an edge nor a hold of the state before the step explains the label"""
+        return self._progress.off_spec
+
+    @property
+    def foot_height(self) -> NDArray[np.floating]:
+        """(4,) [m] above the ground, as estimated by the last step; 0 before the first one."""
+        return self.estimate[self._foot_height]
 
     def step(
         self,
@@ -84,7 +103,7 @@ class Controller:
         self.command = np.clip(command, self._low, self._high)
         self.down = label.hysteresis(self.down, touching, clear)
         self.label = int(label.label(self.down))
-        self._step_machine()
+        self._progress.step(self.label, self.command[2])
         vx, wz, frequency = self.command
         observation.write(
             self.observation,
@@ -102,29 +121,10 @@ class Controller:
                 "angular_velocity": gyro,
             },
         )
-        raw, self.estimate = self._policy.run(self.observation)
-        self.action = raw.clip(-self._clip, self._clip)
+        self.raw_action, self.estimate = self._policy.run(self.observation)
+        self.action = self.raw_action.clip(-self._clip, self._clip)
         self.target = action.targets(self.action, self._default_pose, self._scale, self._clip)
         return self.target
-
-    def _step_machine(self) -> None:
-        """Advance the automaton; the first step of an episode only looks.
-
-        The sink is for training. On the robot a label that would lead there is off-spec, and
-        the automaton waits where it is.
-        """
-        self.advanced = self.off_spec = False
-        if self._age >= 0:
-            frequency = self.command[2]
-            outcome = machine.step(
-                self._machine, self.state, self.phi, self.label, frequency, self._age
-            )
-            explained = machine.explained(self._machine, self.state, self.label)
-            self.advanced = bool(outcome.advanced)
-            self.off_spec = bool(outcome.rejected or not explained)
-            self.phi = 0 if self.advanced else self.phi + 1
-            self.state = int(outcome.state) if self.advanced else self.state
-        self._age += 1
 
 
 def prove(bundle: Bundle) -> int:

@@ -4,95 +4,117 @@
 calls it in real time, a simulation in step with its own clock, a replay with a log.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from rmll_gaits.schedule import transition_rate
 from rmll_onboard import remote
-from rmll_onboard.a1_wire import BadPacket, RobotState, decode_state, encode_command
 from rmll_onboard.attitude import projected_gravity
 from rmll_onboard.bundle import Bundle
 from rmll_onboard.controller import Controller
 from rmll_onboard.foot_contact import FootContact
-from rmll_onboard.log import Log
+from rmll_onboard.gait_monitor import GaitMonitor
+from rmll_onboard.guard import ActionGuard, Guard, Seen
 from rmll_onboard.pilot import Orders, Pilot
+from rmll_onboard.presence import Presence
 from rmll_onboard.settings import Settings
+from rmll_onboard.slew import Slew
 from rmll_onboard.supervisor import NS, Mode, Request, Supervisor
+from rmll_onboard.wire import open_wire
 
 
 class Daemon:
     """One gait on one robot."""
 
-    def __init__(
-        self, bundle: Bundle, settings: Settings, pilot: Pilot, log: Log | None = None
-    ) -> None:
+    def __init__(self, bundle: Bundle, settings: Settings, pilot: Pilot) -> None:
         contract = bundle.contract
         self.period = NS // contract.control_hz
         """[ns] between two ticks"""
         self.policy_ran = False
         """The last tick was one of the policy's"""
-        self.received = self.rejected = self.lost = 0
-        """Datagrams believed and refused; ticks without a new state after the first one"""
+        self.due = False
+        """It was at the policy's rate, walking or not"""
+        self.orders = Orders(None, (0.0, 0.0, 0.0))
+        """What the pilot wanted at the last tick"""
+        self.controller = Controller(bundle)
+        self.intake, self._encode = open_wire(settings, bundle.robot)
+        """The robot's newest state, and counts of what came"""
         self.stopping = False
         """Sit down and finish, whatever the pilot wants; set it to stop"""
-        self._pilot = pilot
-        self._log = log
+        self.pilot = pilot
         self._joints = bundle.joints
         self._decimation = contract.control_hz // contract.policy_hz
         self._countdown = 0
-        self._state = RobotState()
         self._feet = FootContact(settings.feet)
-        self._controller = Controller(bundle)
         walk_pose = np.empty(len(self._joints))
         walk_pose[self._joints] = contract.default_pose
         self._target = walk_pose.copy()
         self._supervisor = Supervisor(
             bundle.robot, settings, walk_pose, (contract.kp, contract.kd), contract.torque_limit
         )
+        safety = settings.safety
+        self._guard = Guard(bundle.robot, safety, self.intake, self.period)
+        self._action_guard = ActionGuard(contract.action_clip, safety.action_steps)
+        self._monitor = GaitMonitor(bundle.table, safety.stuck)
+        self._presence = Presence(safety)
         self._walk = _Walk(bundle)
         self._halt = _Halt(settings.motion.slow_down)
+        self._slew = Slew(bundle.table.commands, settings.steering, contract.policy_hz)
 
-    def tick(self, now: int, datagram: bytes | None) -> bytes:
-        """Answer one datagram (None: none came) at ``now`` [ns, monotonic]; never raises."""
-        state, supervisor = self._state, self._supervisor
-        fresh = self._read(datagram)
+    def tick(self, now: int, datagrams: Sequence[bytes]) -> bytes:
+        """Answer what came since the last call, at ``now`` [ns, monotonic]; never raises."""
+        state, supervisor = self.intake.state, self._supervisor
+        fresh = self.intake.take(now, datagrams, resting=supervisor.mode is Mode.DAMPING)
         gravity = projected_gravity(state.quaternion)
         pressed = remote.decode(state.remote)
         if pressed.emergency_stop:
             supervisor.trip("emergency stop on the remote")
+        if self.intake.fault:
+            supervisor.trip(self.intake.fault)
         before = supervisor.mode
-        orders = self._pilot.orders(now, before, pressed)
-        if self.stopping:
-            orders = orders._replace(request=Request.SIT)
-        orders = self._halt.ease(now, before, orders)
-        mode = supervisor.update(now, state, fresh, gravity, orders.request)
+        orders = self._orders(now, before, pressed)
+        moving, walking = before is not Mode.DAMPING, before is Mode.WALKING
+        seen = Seen(now, state, fresh, gravity, moving, walking)
+        mode = supervisor.update(now, state, self._guard.complaint(seen), orders.request)
         if mode is Mode.WALKING and before is not Mode.WALKING:
-            self._controller.reset()
+            self.controller.reset()
             self._feet.reset()
+            self._slew.reset(orders.command)
             self._countdown = 0
-        due = self._countdown == 0
+        self.due = self._countdown == 0
         self._countdown = (self._countdown or self._decimation) - 1
-        self.policy_ran = due and mode is Mode.WALKING
+        self.policy_ran = self.due and mode is Mode.WALKING
         if self.policy_ran:
-            self._step_policy(gravity, orders.command)
+            self._step_policy(gravity, self._slew.step(orders.command))
             if not self._halt.under_way:
-                self._walk.count(now, self._controller)
+                self._walk.count(now, self.controller)
+        elif self.due and self.intake.received:
+            self._feet.rest(mode, state.foot_force)
         command = supervisor.command(now, state, self._target)
-        if due and self._log is not None:
-            self._log.append(now, supervisor.mode, self._controller)
-        return encode_command(command)
+        self._guard.obedience.sent(command)
+        return self.intake.opening() or self._encode(command)
+
+    @property
+    def policy_next(self) -> bool:
+        """The next tick will be one of the policy's, as far as one can tell."""
+        return self._countdown == 0 and self._supervisor.mode is Mode.WALKING
 
     def damping(self) -> bytes:
         """The datagram that damps all joints, whatever else is going on."""
-        return encode_command(self._supervisor.damping())
+        return self._encode(self._supervisor.damping())
 
     @property
     def finished(self) -> bool:
         """The program may end: the robot lies damped and nobody wants more of it."""
         mode, fault = self._supervisor.mode, self._supervisor.fault
         stopped = self.stopping and mode is Mode.DAMPING
-        return stopped or self._pilot.finished(mode, fault)
+        return stopped or self.pilot.finished(mode, fault)
+
+    @property
+    def mode(self) -> Mode:
+        return self._supervisor.mode
 
     @property
     def fault(self) -> str | None:
@@ -100,26 +122,53 @@ class Daemon:
 
     def report(self) -> dict[str, Any]:
         """What was walked, and the fault that ended it, as plain numbers."""
-        return self._walk.report() | {"fault": self.fault}
+        refused = {str(reason): count for reason, count in self.intake.refused.items()}
+        return self._walk.report() | {
+            "fault": self.fault,
+            "warnings": self._guard.warnings,
+            "feet": self._feet.report(),
+            "refused": refused,
+        }
 
-    def _read(self, datagram: bytes | None) -> bool:
-        if datagram is not None:
-            try:
-                decode_state(datagram, self._state)
-            except BadPacket:
-                self.rejected += 1
-            else:
-                self.received += 1
-                return True
-        self.lost += self.received > 0
-        return False
+    def _orders(self, now: int, mode: Mode, pressed: remote.Remote) -> Orders:
+        """The pilot's, unless there is reason to do something else."""
+        orders = self.orders = self.pilot.orders(now, mode, pressed)
+        if complaint := self.pilot.complaint:
+            self._guard.warn(complaint)
+        if orders.request is Request.DAMP:
+            self._supervisor.trip("emergency stop by the pilot")
+        if not self.intake.received:
+            return orders._replace(request=None)
+        if self.stopping or self._remote_lost(now, mode):
+            orders = orders._replace(request=Request.SIT)
+        orders = self._halt.ease(now, mode, orders)
+        if mode is Mode.WALKING and self._stuck():
+            return orders._replace(request=Request.STAND)
+        return orders
+
+    def _remote_lost(self, now: int, mode: Mode) -> bool:
+        lost = self._presence.lost(now, self.intake.state.remote) and self.pilot.by_remote
+        if lost and mode in (Mode.STANDING_UP, Mode.STANDING, Mode.WALKING):
+            self._guard.warn("the remote was lost")
+        return lost
+
+    def _stuck(self) -> bool:
+        phi, frequency = self.controller.phi, float(self.controller.command[2])
+        stuck = self._monitor.stuck(phi, frequency)
+        if stuck:
+            self._guard.warn(f"the gait was stuck: {phi} policy steps without a transition")
+        return stuck
 
     def _step_policy(self, gravity: np.ndarray, command: tuple[float, float, float]) -> None:
-        state, joints = self._state, self._joints
-        touching, clear = self._feet.step(state.foot_force)
-        self._target[joints] = self._controller.step(
+        state, joints = self.intake.state, self._joints
+        touching, clear = self._feet.step(state.foot_force, self.controller.foot_height)
+        if complaint := self._feet.complaint:
+            self._guard.warn(complaint)
+        self._target[joints] = self.controller.step(
             touching, clear, state.q[joints], state.dq[joints], gravity, state.gyro, command
         )
+        if complaint := self._action_guard.complaint(self.controller.raw_action):
+            self._supervisor.trip(complaint)
 
 
 class _Halt:

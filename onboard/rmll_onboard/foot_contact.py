@@ -1,9 +1,17 @@
 """From the A1's foot force sensors to the two signals of the labelling function."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from rmll_gaits.label import FEET
+from rmll_onboard.foot_calibration import FootCalibration
 from rmll_onboard.settings import Feet
+from rmll_onboard.supervisor import Mode
+
+TOUCHING_HEIGHT, CLEAR_HEIGHT = 0.01, 0.02
+"""[m] of the estimator's foot heights, where a sensor is dead"""
 
 
 class FootContact:
@@ -11,19 +19,62 @@ class FootContact:
 
     def __init__(self, settings: Feet) -> None:
         self._settings = settings
+        self.calibration = FootCalibration(settings.load)
         self.reset()
 
     def reset(self) -> None:
-        """Forget the step before."""
+        """A walk begins: forget the step before."""
         self._before = np.zeros(4, bool)
+        self.calibration.begin()
 
-    def step(self, foot_force: NDArray[np.int16]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """``touching`` and ``clear`` (4,) from raw sensor values (4,), once a policy step.
+    def rest(self, mode: Mode, foot_force: NDArray[np.int16]) -> None:
+        """Learn from a robot that does not walk, once a policy step."""
+        match mode:
+            case Mode.DAMPING:
+                self.calibration.lie(foot_force)
+            case Mode.STANDING_UP:
+                self.calibration.rise(foot_force)
+            case Mode.STANDING:
+                self.calibration.stand(foot_force)
+
+    def step(
+        self, foot_force: NDArray[np.int16], height: NDArray[np.floating]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """``touching`` and ``clear`` (4,), once a policy step.
+
+        ``foot_force`` (4,) are raw sensor values, ``height`` (4,) [m] the feet's heights above the
+        ground as the estimator last saw them; the latter count for feet without a working sensor.
 
         A foot is touching if it presses now or did one policy step ago. The sensors cannot see
         height, so a foot without load is taken to be clear of the ground.
         """
-        pressed = foot_force > self._settings.touching
+        measured = self.calibration
+        measured.walk(foot_force)
+        share = (foot_force - measured.unloaded) / measured.load
+        pressed = share > self._settings.touching
+        clear = share < self._settings.clear
+        if (dead := measured.dead).any():
+            pressed = np.where(dead, height < TOUCHING_HEIGHT, pressed)
+            clear = np.where(dead, height > CLEAR_HEIGHT, clear)
         touching = pressed | self._before
         self._before = pressed
-        return touching, foot_force < self._settings.clear
+        return touching, clear
+
+    @property
+    def complaint(self) -> str | None:
+        """What the operator should know of the sensors."""
+        dead = self._dead_feet()
+        return f"dead foot sensors: {' '.join(dead)}; estimated heights stand in" if dead else None
+
+    def report(self) -> dict[str, Any]:
+        """Per foot, raw units: the reading in the air and what standing adds; and the dead ones."""
+        measured = self.calibration
+        return {
+            "unloaded": measured.unloaded.round(1).tolist(),
+            "load": measured.load.round(1).tolist(),
+            "dead": self._dead_feet(),
+        }
+
+    def _dead_feet(self) -> list[str]:
+        dead = self.calibration.dead
+        return [foot for foot, is_dead in zip(FEET, dead, strict=True) if is_dead]

@@ -22,8 +22,8 @@ class Link(Protocol):
         """Send one datagram; a loss shows in the answers that do not come."""
         ...
 
-    def receive(self) -> bytes | None:
-        """The newest datagram that came since the last call, None if none did."""
+    def receive(self) -> list[bytes]:
+        """What came since the last call, the oldest first."""
         ...
 
     def close(self) -> None: ...
@@ -65,17 +65,17 @@ class UdpLink:
         with suppress(OSError):
             self._socket.send(datagram)
 
-    def receive(self) -> bytes | None:
-        """The newest datagram that came since the last call, None if none did."""
-        newest = None
+    def receive(self) -> list[bytes]:
+        """What came since the last call, the oldest first."""
+        datagrams = []
         for _ in range(_DRAIN):
             try:
-                newest = self._socket.recv(_LONGEST)
+                datagrams.append(self._socket.recv(_LONGEST))
             except BlockingIOError:
                 break
             except OSError:  # an earlier send reached nobody
                 continue
-        return newest
+        return datagrams
 
     def close(self) -> None:
         self._socket.close()

@@ -1,22 +1,21 @@
 """The loop that owns time: a tick at every deadline, and damping however it ends."""
 
 import gc
-import resource
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
-
-import numpy as np
 
 from rmll_gaits.errors import Failure
 from rmll_onboard.daemon import Daemon
 from rmll_onboard.link import Link
+from rmll_onboard.service import Service
+from rmll_onboard.settings import Realtime
 from rmll_onboard.supervisor import NS
-
-FAREWELL = 0.5
-"""[s] of damping datagrams at the end"""
+from rmll_onboard.tick import Tick, Witness
+from rmll_onboard.timing import Timing
+from rmll_onboard.understudy import Understudy
 
 _STOP_SIGNALS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 
@@ -24,15 +23,31 @@ _STOP_SIGNALS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 class Loop:
     """Runs a daemon on a link in real time and measures how well time was kept."""
 
-    def __init__(self, daemon: Daemon, link: Link) -> None:
+    def __init__(
+        self,
+        daemon: Daemon,
+        link: Link,
+        pace: Realtime,
+        keep: Callable[[Tick], None] | None = None,
+        service: Service | None = None,
+        understudy: Understudy | None = None,
+    ) -> None:
+        """``keep`` is given every tick once its command is sent; it must neither wait nor raise.
+
+        ``service`` is told that we are alive. ``understudy`` rehearses, as ``pace`` says.
+        """
         self.stopped_by: signal.Signals | None = None
         """The signal that ended the run, None if nothing was left to do"""
         self._daemon = daemon
         self._link = link
+        self._early = pace.early_us * 1000
+        self._rehearsal = pace.rehearse_us * 1000
+        self._understudy = understudy if pace.rehearse_us else None
+        self._witness = None if keep is None else Witness(daemon, keep)
+        self._service = service or Service({})
+        self._timing = Timing()
         self._signals = 0
         self._sent = 0
-        self._tick = _Durations()
-        self._wake = _Durations()
 
     def run(self, startup_timeout: float) -> None:
         """Tick until the daemon has finished, a second signal comes, or the robot stays silent.
@@ -41,52 +56,82 @@ class Loop:
         errors included, ends in damping datagrams. Raises Failure if no state comes within
         ``startup_timeout`` seconds.
         """
-        with self._handling_signals():
+        with self._handling_signals(), _no_garbage_collection():
             try:
-                gc.collect()
-                gc.freeze()
                 self._run(startup_timeout)
             finally:
+                self._service.stopping()
                 self._farewell()
 
     def report(self) -> dict[str, Any]:
-        """Times in us, peak resident memory in MB (on Linux), datagram counts."""
-        daemon = self._daemon
-        return {
-            "tick_us": self._tick.percentiles(),
-            "wake_us": self._wake.percentiles(),
-            "rss_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
+        """How well time was kept, see :class:`Timing`, and datagram counts."""
+        intake = self._daemon.intake
+        return self._timing.report() | {
             "packets": {
                 "sent": self._sent,
-                "received": daemon.received,
-                "rejected": daemon.rejected,
-                "lost": daemon.lost,
+                "received": intake.received,
+                "rejected": intake.rejected,
+                "lost": intake.lost,
             },
         }
 
     def _run(self, startup_timeout: float) -> None:
-        daemon, link, period = self._daemon, self._link, self._daemon.period
+        daemon, link, timing, period = self._daemon, self._link, self._timing, self._daemon.period
         deadline = time.monotonic_ns()
         give_up = deadline + startup_timeout * NS
         while not daemon.finished and self._signals < 2:
             deadline += period
-            time.sleep(max(0, deadline - time.monotonic_ns()) / NS)
+            timing.slack.add(deadline - time.monotonic_ns())
+            datagrams = self._wait(deadline)
             now = time.monotonic_ns()
-            self._wake.add(now - deadline)
+            datagrams += link.receive()
+            answer = daemon.tick(now, datagrams)
+            link.send(answer)
+            # the robot waits for nothing that comes from here on
+            sent = time.monotonic_ns()
+            (timing.tick if daemon.policy_ran else timing.plain_tick).add(sent - now)
+            timing.wake.add(now - deadline)
             # after a stall go on with the next deadline of the grid, do not hurry to catch up
-            deadline += (now - deadline) // period * period
-            datagram = link.receive()
-            link.send(daemon.tick(now, datagram))
-            self._sent += 1
-            if daemon.policy_ran:
-                self._tick.add(time.monotonic_ns() - now)
-            daemon.stopping = self._signals > 0
-            if not daemon.received and now > give_up:
-                raise Failure(f"no answer from the robot at {link.name} in {startup_timeout:g} s")
+            missed = (now - deadline) // period
+            timing.missed += missed
+            deadline += missed * period
+            self._look_around(now, datagrams, answer)
+            if not daemon.intake.received and now > give_up:
+                missing = f": nothing from {who}" if (who := daemon.intake.missing) else ""
+                raise Failure(
+                    f"no answer from the robot at {link.name} in {startup_timeout:g} s{missing}"
+                )
+
+    def _wait(self, deadline: int) -> list[bytes]:
+        """Sleep, but not up to the deadline: waking up takes time, and so do cold caches.
+
+        Returns the datagrams that a rehearsal was given; the tick itself is still to see them.
+        """
+        early: list[bytes] = []
+        if self._understudy is not None and self._daemon.policy_next:
+            _sleep_until(deadline - self._early - self._rehearsal)
+            early = self._link.receive()
+            self._understudy.rehearse(time.monotonic_ns(), early)
+        else:
+            _sleep_until(deadline - self._early)
+        while time.monotonic_ns() < deadline:
+            pass
+        return early
+
+    def _look_around(self, now: int, datagrams: list[bytes], answer: bytes) -> None:
+        """All that is not between the robot's state and its command."""
+        self._sent += 1
+        if self._witness is not None:
+            self._witness.saw(now, datagrams, answer)
+        if self._daemon.intake.received:
+            self._service.ready()
+            self._service.alive(now)
+        self._timing.look_at_memory(now)
+        self._daemon.stopping = self._signals > 0
 
     def _farewell(self) -> None:
         frame = self._daemon.damping()
-        for _ in range(int(FAREWELL * NS / self._daemon.period)):
+        for _ in range(int(self._daemon.intake.farewell * NS / self._daemon.period)):
             self._link.send(frame)
             self._sent += 1
             time.sleep(self._daemon.period / NS)
@@ -105,21 +150,18 @@ class Loop:
         self._signals += 1
 
 
-class _Durations:
-    """The last million durations."""
+def _sleep_until(moment: int) -> None:
+    time.sleep(max(0, moment - time.monotonic_ns()) / NS)
 
-    def __init__(self) -> None:
-        self._us = np.empty(1 << 20, np.float32)
-        self._count = 0
 
-    def add(self, nanoseconds: int) -> None:
-        self._us[self._count % len(self._us)] = nanoseconds / 1000
-        self._count += 1
-
-    def percentiles(self) -> dict[str, float] | None:
-        """p50, p99, p999 and max in us; None before the first duration."""
-        seen = self._us[: self._count]
-        if not len(seen):
-            return None
-        values = np.percentile(seen, [50, 99, 99.9, 100]).round(1).tolist()
-        return dict(zip(("p50", "p99", "p999", "max"), values, strict=True))
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """A collection may come at any time and look at everything; a tick leaves nothing for it."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        gc.unfreeze()

@@ -1,5 +1,9 @@
-"""Who says what the robot should do: the wireless remote, or the flags of the command line."""
+"""Who says what the robot should do: the wireless remote, or the flags of the command line.
 
+A gamepad and a local socket lead too, see :mod:`gamepad` and :mod:`command_socket`.
+"""
+
+from collections.abc import Sequence
 from statistics import fmean
 from typing import NamedTuple, Protocol
 
@@ -18,6 +22,16 @@ class Orders(NamedTuple):
 
 
 class Pilot(Protocol):
+    @property
+    def by_remote(self) -> bool:
+        """It is the wireless remote that leads, so losing it matters."""
+        ...
+
+    @property
+    def complaint(self) -> str | None:
+        """What is wrong with whoever leads, for the report."""
+        ...
+
     def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
         """What to do at ``now`` [ns], given the robot's mode and its remote."""
         ...
@@ -31,16 +45,26 @@ class RemotePilot:
     """The person with the remote.
 
     START stands the robot up, A walks, B ends the walk, SELECT sits down. A stick at its end is
-    the fastest that was trained.
+    the fastest that was trained. UP takes a policy step off c_f, the steps get faster; DOWN adds
+    one.
     """
+
+    by_remote = True
+    complaint = None
 
     def __init__(self, commands: Commands, frequency: float) -> None:
         self._commands = commands
         self._frequency = frequency
+        self._held = Button.NONE
 
     def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
         vx = _scaled(remote.forward, self._commands.vx)
         wz = _scaled(remote.turn, self._commands.wz)
+        pushed = remote.buttons & ~self._held
+        self._held = remote.buttons
+        low, high = self._commands.frequency
+        change = (Button.DOWN in pushed) - (Button.UP in pushed)
+        self._frequency = min(high, max(low, self._frequency + change))
         return Orders(self._request(mode, remote.buttons), (vx, wz, self._frequency))
 
     def finished(self, mode: Mode, fault: str | None) -> bool:
@@ -59,23 +83,30 @@ class RemotePilot:
 class FlagPilot:
     """Stands up, walks with one command for ``seconds`` (None: until stopped), sits down.
 
-    Raises InputError, which names the flag, for a command that ``commands`` does not allow.
+    With several values of ``frequency`` the walk goes through them, each for an equal share of
+    the seconds. Raises InputError, which names the flag, for what ``commands`` does not allow.
     """
+
+    by_remote = False
+    complaint = None
 
     def __init__(
         self,
         commands: Commands,
         vx: float = 0.0,
         wz: float = 0.0,
-        frequency: float | None = None,
+        frequency: float | Sequence[float] | None = None,
         seconds: float | None = None,
     ) -> None:
-        if frequency is None:
-            frequency = middle_frequency(commands)
-        self.command = vx, wz, frequency
-        """vx [m/s], wz [rad/s], c_f [policy steps]"""
+        if isinstance(frequency, int | float):
+            frequency = (frequency,)
+        self.vx, self.wz = vx, wz
+        """[m/s], [rad/s]"""
+        self.frequencies = tuple(frequency or (middle_frequency(commands),))
+        """c_f [policy steps]"""
         self.seconds = seconds
-        for name, value in zip(("vx", "wz", "frequency"), self.command, strict=True):
+        asked = [("vx", vx), ("wz", wz), *(("frequency", value) for value in self.frequencies)]
+        for name, value in asked:
             low, high = getattr(commands, name)
             if not low <= value <= high:
                 raise InputError(
@@ -83,6 +114,8 @@ class FlagPilot:
                 )
         if seconds is not None and not seconds > 0:
             raise InputError(f"--seconds {seconds:g}: expected more than 0")
+        if seconds is None and len(self.frequencies) > 1:
+            raise InputError("--frequency with several values needs --seconds to share out")
         self._walking_since: int | None = None
 
     def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
@@ -90,11 +123,11 @@ class FlagPilot:
             self._walking_since = now
         if self._walking_since is None:
             request = {Mode.DAMPING: Request.STAND, Mode.STANDING: Request.WALK}.get(mode)
-        else:
-            walked = now - self._walking_since
-            over = self.seconds is not None and walked >= self.seconds * NS
-            request = Request.SIT if over else None
-        return Orders(request, self.command)
+            return Orders(request, (self.vx, self.wz, self.frequencies[0]))
+        done = 0.0 if self.seconds is None else (now - self._walking_since) / (self.seconds * NS)
+        request = Request.SIT if done >= 1 else None
+        which = min(int(done * len(self.frequencies)), len(self.frequencies) - 1)
+        return Orders(request, (self.vx, self.wz, self.frequencies[which]))
 
     def finished(self, mode: Mode, fault: str | None) -> bool:
         walked = self._walking_since is not None

@@ -8,6 +8,7 @@ import math
 import struct
 from dataclasses import dataclass
 from enum import IntFlag, auto
+from functools import lru_cache
 
 LENGTH = 40
 _LAYOUT = struct.Struct("<2xH5f16x")
@@ -35,6 +36,9 @@ class Button(IntFlag):
     LEFT = auto()
 
 
+_EMERGENCY = Button.L2 | Button.B
+
+
 @dataclass(frozen=True, slots=True)
 class Remote:
     """Buttons and sticks; a stick is -1 to 1, right and up positive."""
@@ -48,7 +52,7 @@ class Remote:
     @property
     def emergency_stop(self) -> bool:
         """L2 and B together, as on the A1 itself."""
-        return Button.L2 | Button.B in self.buttons
+        return _EMERGENCY in self.buttons
 
     @property
     def forward(self) -> float:
@@ -61,6 +65,7 @@ class Remote:
         return -self.rx
 
 
+@lru_cache(maxsize=1)
 def decode(data: bytes) -> Remote:
     """Read the remote's forty bytes; a stick that is no number counts as released."""
     buttons, lx, rx, ry, _l2, ly = _LAYOUT.unpack(data)

@@ -18,7 +18,7 @@ from rmll_onboard.a1_wire import RobotState
 from rmll_onboard.bundle import Bundle, load_bundle
 from rmll_onboard.controller import Controller
 from rmll_onboard.policy import open_session
-from rmll_onboard.settings import Link, Motion, Settings
+from rmll_onboard.settings import Link, Motion, Safety, Settings, Steering
 from rmll_robots import A1
 
 TROT = 6, 9
@@ -146,7 +146,9 @@ class KinematicRobot:
         self.last = command
         if command.kp.any():
             self.state.q[:] = command.q
+        self.state.mode[:] = command.mode
         self.state.tick += 5
+        self.state.accelerometer[0] = self.state.tick % 7  # no sensor stands still
         label = TROT[self.state.tick // 160 % 2] if command.kp[0] == A1.kp else 15
         self.state.foot_force[:] = [100 * (label >> foot & 1) for foot in range(4)]
         return a1_wire.encode_state(self.state)
@@ -168,9 +170,14 @@ def bundle(bundle_path) -> Bundle:
 
 @pytest.fixture
 def brisk() -> Settings:
-    """All movements in a tenth of a second."""
+    """All movements in a tenth of a second, and commands at once.
+
+    That the machine is busy with other tests is no fault of the robot's.
+    """
     return Settings(
+        safety=Safety(missed_ticks=400),
         link=Link(startup_timeout=0.3),
+        steering=Steering(acceleration=1000, turning=1000, frequency=1000),
         motion=Motion(crouch=0.1, rise=0.1, settle=0.1, slow_down=0.1, sit=0.1),
     )
 

@@ -122,7 +122,8 @@ def test_strange_joints_are_named(make_bundle):
         ({"torque_limit": 40.0}, "torque_limit is 40.0, expected more than 0 and at most 33.5"),
         ({"policy_hz": 60}, "policy_hz 60 and control_hz 200"),
         ({"policy_hz": 0}, "policy_hz 0"),
-        ({"estimates": (Field("velocity", 3, 2.0),)}, "its network has"),
+        ({"estimates": (Field("foot_height", 4, 1.0),)}, "its network has"),
+        ({"estimates": (Field("velocity", 3, 2.0),)}, "one foot_height of 4"),
     ],
 )
 def test_a_contract_that_does_not_fit_is_refused(make_bundle, make_network, changes, words):

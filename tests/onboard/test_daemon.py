@@ -1,9 +1,8 @@
 """The whole runtime, datagram in and datagram out, on a robot without physics."""
 
-import csv
-import io
-from itertools import pairwise
+import socket
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -12,10 +11,11 @@ from hypothesis import strategies as st
 from rmll_gaits.load import load_gait
 from rmll_onboard import a1_wire, remote
 from rmll_onboard.bundle import load_bundle
+from rmll_onboard.command_socket import SocketPilot
 from rmll_onboard.daemon import Daemon, _Halt
-from rmll_onboard.log import Log
 from rmll_onboard.pilot import FlagPilot, Orders, RemotePilot
 from rmll_onboard.remote import Button, Remote
+from rmll_onboard.settings import Steering
 from rmll_onboard.supervisor import Mode, Request
 from rmll_robots import A1
 
@@ -34,7 +34,8 @@ class Lockstep:
     def tick(self, datagram=...):
         """One period; ``datagram`` replaces what the robot answered."""
         self.now += self.daemon.period
-        command = self.daemon.tick(self.now, self.answer if datagram is ... else datagram)
+        datagram = self.answer if datagram is ... else datagram
+        command = self.daemon.tick(self.now, [] if datagram is None else [datagram])
         self.sent.append(command)
         self.answer = self.robot.answer(command)
 
@@ -78,7 +79,7 @@ def test_a_walk_by_flags_from_start_to_end(by_flags, robot):
     assert report["transitions"] == pytest.approx(report["allowed"], abs=1.5)
     assert report["adherence"] == pytest.approx(1, abs=0.15)
     assert report["off_spec_contact"] < 0.15  # all feet down for a step at each change
-    assert (daemon.rejected, daemon.lost) == (0, 0)
+    assert (daemon.intake.rejected, daemon.intake.lost) == (0, 0)
 
 
 def test_two_runs_send_the_same_bytes(bundle, brisk, robot):
@@ -152,6 +153,77 @@ def test_stopping_sits_down_and_finishes(by_flags, robot):
     assert robot.damped
 
 
+class Script:
+    """A pilot who wants what the test sets."""
+
+    by_remote = False
+    complaint = None
+
+    def __init__(self, frequency=12.0):
+        self.wanted = Orders(Request.STAND, (0.0, 0.0, frequency))
+
+    def orders(self, now, mode, remote):
+        return self.wanted
+
+    def finished(self, mode, fault):
+        return False
+
+
+def test_commands_reach_the_policy_gradually(bundle, brisk, robot):
+    settings = msgspec.structs.replace(brisk, steering=Steering())
+    pilot = Script()
+    lockstep = Lockstep(Daemon(bundle, settings, pilot), robot)
+    lockstep.run(0.4)
+    pilot.wanted = Orders(Request.WALK, (1.0, 0.0, 12.0))
+    lockstep.until_walking()
+    told = [lockstep.daemon.controller.command.tolist()]
+
+    def walk(seconds):
+        for _ in range(round(seconds * 200)):
+            lockstep.tick()
+            if lockstep.daemon.policy_ran:
+                told.append(lockstep.daemon.controller.command.tolist())
+
+    walk(1.0)
+    assert told[0] == pytest.approx([0.04, 0.0, 12.0])  # from rest, at the pace that is wanted
+    assert told[-1] == [1.0, 0.0, 12.0]
+    pilot.wanted = Orders(None, (-9.0, 0.0, 1.0))
+    walk(2.0)
+    assert told[-1] == [-1.0, 0.0, 6.0]
+    limits = Steering().acceleration / 50, Steering().turning / 50, Steering().frequency / 50
+    assert (np.abs(np.diff(told, axis=0)) <= np.array(limits) + 1e-9).all()
+
+
+def test_a_pilot_can_damp_for_good(bundle, brisk, robot):
+    pilot = Script()
+    lockstep = Lockstep(Daemon(bundle, brisk, pilot), robot)
+    lockstep.run(0.4)
+    pilot.wanted = Orders(Request.DAMP, (0.0, 0.0, 9.0))
+    lockstep.run(0.01)
+    assert robot.damped
+    pilot.wanted = Orders(Request.STAND, (0.0, 0.0, 9.0))
+    lockstep.run(1.0)
+    assert robot.damped
+    assert lockstep.daemon.fault == "emergency stop by the pilot"
+
+
+def test_a_program_that_falls_silent_leaves_a_standing_robot(bundle, brisk, robot, tmp_path):
+    pilot = SocketPilot(tmp_path / "commands", frequency=9.0, silence=0.3)
+    lockstep = Lockstep(Daemon(bundle, brisk, pilot), robot)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as program:
+        for message in [b'{"request": "stand"}'] * 4 + [b'{"request": "walk", "vx": 0.5}'] * 5:
+            program.sendto(message, str(tmp_path / "commands"))
+            lockstep.run(0.1)
+    assert lockstep.daemon.mode is Mode.WALKING
+    assert lockstep.daemon.controller.command.tolist() == [0.5, 0.0, 9.0]
+    lockstep.run(0.6)
+    assert lockstep.daemon.mode is Mode.STANDING
+    report = lockstep.daemon.report()
+    assert report["fault"] is None
+    assert any("no message" in warning for warning in report["warnings"])
+    pilot.close()
+
+
 def test_a_halt_forgets_the_command_and_a_called_off_one_remembers_it():
     halt = _Halt(seconds=1.0)
     walk = Orders(None, WALK)
@@ -168,6 +240,14 @@ def test_a_halt_forgets_the_command_and_a_called_off_one_remembers_it():
     assert at(1.4, None) == Orders(Request.SIT, (0.0, 0.0, WALK[2]))
     assert at(1.5, Request.SIT, Mode.SITTING_DOWN).request is Request.SIT
     assert not halt.under_way
+
+
+def test_nothing_moves_before_the_robot_was_heard(by_flags, robot):
+    for _ in range(200):
+        by_flags.tick(None)
+        assert robot.damped
+    assert (by_flags.daemon.mode, by_flags.daemon.fault) == (Mode.DAMPING, None)
+    by_flags.until_walking()
 
 
 def silence(lockstep):
@@ -200,7 +280,7 @@ def huge_numbers(lockstep):
         (corruption, "no state"),
         (fall, "tilted: roll 1.60"),
         (dead_imu, "tilted"),
-        (huge_numbers, "speeds"),
+        (huge_numbers, "speeds that no joint"),
     ],
     ids=lambda value: getattr(value, "__name__", value),
 )
@@ -226,44 +306,12 @@ def test_huge_rates_from_the_imu_do_not_reach_the_joints(by_flags, robot):
 def test_hostile_datagrams_change_nothing(bundle, brisk, data):
     daemon = Daemon(bundle, brisk, by_command(1.0))
     good = a1_wire.encode_state(a1_wire.RobotState(quaternion=np.array([1.0, 0, 0, 0])))
-    daemon.tick(0, good)
+    daemon.tick(0, [good])
     flips = st.tuples(st.integers(0, 763), st.integers(0, 7))
     hostile = st.binary(max_size=1200) | flips.map(
         lambda flip: good[: flip[0]] + bytes([good[flip[0]] ^ 1 << flip[1]]) + good[flip[0] + 1 :]
     )
     for count in range(5):
-        daemon.tick((count + 1) * daemon.period, data.draw(hostile))
-    assert (daemon.received, daemon.rejected, daemon.lost) == (1, 5, 5)
-
-
-def test_the_log_has_a_row_every_policy_period(bundle, brisk, robot):
-    log = Log(bundle)
-    lockstep = Lockstep(Daemon(bundle, brisk, by_command(1.0), log), robot)
-    lockstep.run(10)
-    file = io.StringIO()
-    log.write(file)
-    rows = list(csv.DictReader(io.StringIO(file.getvalue())))
-    modes = [row["mode"] for row in rows]
-    order = list(dict.fromkeys(mode for mode in modes if mode != "standing"))
-    assert order == ["damping", "standing_up", "walking", "sitting_down"]
-    walking = [row for row in rows if row["mode"] == "walking"]
-    assert len(walking) == 51 + 5
-    assert [float(row["vx"]) for row in walking] == [0.5] * 51 + [0.0] * 5  # the halt
-    assert sum(float(row["advanced"]) for row in walking) == pytest.approx(6, abs=1)
-    for row in walking:
-        down = [int(row[f"down_{foot}"]) for foot in ("FR", "FL", "RR", "RL")]
-        assert sum(bit << foot for foot, bit in enumerate(down)) == int(row["label"])
-    spacing = {int(b["t_ns"]) - int(a["t_ns"]) for a, b in pairwise(walking)}
-    assert spacing == {20_000_000}
-
-
-def test_a_full_log_keeps_the_newest_rows(bundle, brisk, robot):
-    log = Log(bundle, rows=10)
-    Lockstep(Daemon(bundle, brisk, by_command(1.0), log), robot).run(10)
-    file = io.StringIO()
-    log.write(file)
-    rows = list(csv.DictReader(io.StringIO(file.getvalue())))
-    times = [int(row["t_ns"]) for row in rows]
-    assert len(rows) == 10
-    assert times == sorted(times)
-    assert rows[-1]["mode"] == "sitting_down"
+        daemon.tick((count + 1) * daemon.period, [data.draw(hostile)])
+    intake = daemon.intake
+    assert (intake.received, intake.rejected, intake.lost) == (1, 5, 5)

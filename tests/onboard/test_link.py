@@ -40,14 +40,15 @@ def wait(link):
     assert select.select([link._socket], [], [], 2)[0]
 
 
-def test_the_newest_datagram_counts(link, robot):
+def test_all_that_came_is_read_the_oldest_first(link, robot):
     address = greet(link, robot)
-    assert link.receive() is None
-    for count in range(5):
-        robot.sendto(bytes([count]), address)
+    assert link.receive() == []
+    sent = [bytes([count]) for count in range(5)]
+    for datagram in sent:
+        robot.sendto(datagram, address)
     wait(link)
-    assert link.receive() == b"\x04"
-    assert link.receive() is None
+    assert link.receive() == sent
+    assert link.receive() == []
 
 
 def test_strangers_are_not_heard(link, robot):
@@ -56,8 +57,8 @@ def test_strangers_are_not_heard(link, robot):
         stranger.sendto(b"stranger", address)
     robot.sendto(b"robot", address)
     wait(link)
-    assert link.receive() == b"robot"
-    assert link.receive() is None
+    assert link.receive() == [b"robot"]
+    assert link.receive() == []
 
 
 def test_a_robot_that_is_not_there_is_a_loss_and_no_error(robot):
@@ -66,7 +67,7 @@ def test_a_robot_that_is_not_there_is_a_loss_and_no_error(robot):
     link = UdpLink(address)
     for _ in range(5):
         link.send(b"anyone?")
-        assert link.receive() is None
+        assert link.receive() == []
     link.close()
 
 

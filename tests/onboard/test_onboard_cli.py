@@ -1,19 +1,25 @@
 """``rmll-onboard`` as a process, on a robot without physics behind a real socket."""
 
-import csv
+import fcntl
 import json
+import os
+import pty
 import signal
 import socket
 import subprocess
 import sys
+import termios
 import threading
 import time
+from contextlib import suppress
+from typing import Any
 
 import msgspec
 import pytest
 import yaml
 
 from rmll_onboard import a1_wire
+from rmll_onboard.flight_log import FlightLog
 from rmll_robots import A1
 
 BY_FLAGS = ("--vx", "0.5", "--frequency", "8")
@@ -48,25 +54,22 @@ def start(bundle_path, brisk, tmp_path):
     settings = tmp_path / "settings.yaml"
     settings.write_text(yaml.safe_dump(msgspec.to_builtins(brisk)))
 
-    def run(*flags: str) -> subprocess.Popen[str]:
-        return subprocess.Popen(
-            [
-                *(sys.executable, "-m", "rmll_onboard.cli"),
-                *("--policy", str(bundle_path), "--settings", str(settings), *flags),
-            ],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+    def run(*flags: str, **process: Any) -> subprocess.Popen[str]:
+        command = [
+            *(sys.executable, "-m", "rmll_onboard.cli"),
+            *("--policy", str(bundle_path), "--settings", str(settings), *flags),
+        ]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        return subprocess.Popen(command, text=True, **pipes | process)
 
     return run
 
 
 def test_it_walks_over_udp_and_reports(start, served, tmp_path):
     robot, address = served
-    log = tmp_path / "walk.csv"
-    flags = ("--robot-address", address, *BY_FLAGS, "--seconds", "1", "--log", str(log), "--json")
-    process = start(*flags)
+    log = tmp_path / "walk.mcap"
+    flags = (*BY_FLAGS, "--seconds", "1", "--record", str(log), "--json")
+    process = start("--robot-address", address, *flags)
     out, err = process.communicate(timeout=30)
     assert (process.returncode, err) == (0, "")
     report = json.loads(out)
@@ -78,8 +81,38 @@ def test_it_walks_over_udp_and_reports(start, served, tmp_path):
     assert set(report["tick_us"]) == set(report["wake_us"]) == {"p50", "p99", "p999", "max"}
     assert report["rss_mb"] > 1
     assert robot.damped
-    with log.open() as file:
-        assert sum(row["mode"] == "walking" for row in csv.DictReader(file)) > 40
+    assert report["record"]["trouble"] is None
+    assert report["record"]["dropped"] == 0
+    ticks = list(FlightLog(log).ticks())
+    assert [tick.number for tick in ticks] == list(range(report["record"]["ticks"]))
+    assert sum(row["mode"] == "walking" for row in FlightLog(log).rows()) > 40
+
+
+def test_a_program_leads(start, served, tmp_path):
+    robot, address = served
+    path = tmp_path / "commands"
+    process = start("--robot-address", address, "--commands", str(path), "--json")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as program:
+
+        def ask_until(request: str, kp: float) -> None:
+            deadline = time.monotonic() + 20
+            while robot.last is None or robot.last.kp[0] != kp:
+                assert time.monotonic() < deadline and process.poll() is None
+                with suppress(FileNotFoundError):  # it has not got so far yet
+                    program.sendto(b'{"request": "%s", "vx": 0.5}' % request.encode(), str(path))
+                time.sleep(0.02)
+
+        ask_until("stand", A1.stand_kp)
+        ask_until("walk", A1.kp)
+        ask_until("stand", A1.stand_kp)
+        ask_until("sit", 0.0)
+    process.send_signal(signal.SIGTERM)
+    out, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (0, "")
+    report = json.loads(out)
+    assert report["fault"] is None
+    assert report["policy_steps"] > 0
+    assert not path.exists()
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
@@ -91,6 +124,24 @@ def test_a_signal_sits_the_robot_down(start, served, number, code):
     out, err = process.communicate(timeout=30)
     assert (process.returncode, err) == (code, "")
     assert json.loads(out)["fault"] is None
+    assert robot.damped
+    assert abs(robot.state.q[1] - 1.36) < 0.05  # folded, not dropped
+
+
+def test_a_closed_terminal_sits_the_robot_down(start, served):
+    robot, address = served
+    ours, theirs = pty.openpty()
+
+    def in_a_terminal():
+        os.setsid()
+        fcntl.ioctl(theirs, termios.TIOCSCTTY, 0)
+
+    flags = ("--robot-address", address, *BY_FLAGS)
+    process = start(*flags, stdin=theirs, stdout=theirs, stderr=theirs, preexec_fn=in_a_terminal)
+    os.close(theirs)
+    wait_until_walking(robot)
+    os.close(ours)
+    process.wait(timeout=30)
     assert robot.damped
     assert abs(robot.state.q[1] - 1.36) < 0.05  # folded, not dropped
 
@@ -153,6 +204,10 @@ def test_check_tells_what_is_in_the_bundle(start):
         (("--frequency", "5"), "--frequency 5: this gait was trained for 6 to 12"),
         (("--seconds", "3"), "--seconds needs one of --vx, --wz, --frequency"),
         (("--vx", "0", "--seconds", "-1"), "--seconds -1: expected more than 0"),
+        (("--frequency", "12", "6"), "--frequency with several values needs --seconds"),
+        (("--vx", "0", "--gamepad", "auto"), "--vx and --gamepad: one can lead, not both"),
+        (("--gamepad", "auto", "--commands", "x"), "--gamepad and --commands: one can lead"),
+        (("--commands", "/nowhere/socket"), "--commands /nowhere/socket: "),
         (("--vx", "0", "--robot-address", "robot"), "expected host:port"),
         (("--policy", "/nowhere.onnx"), "/nowhere.onnx: No such file or directory"),
     ],
@@ -163,6 +218,25 @@ def test_wrong_flags_are_told_in_a_line(start, flags, words):
     assert process.returncode == 2
     assert words in err
     assert err.count("\n") == 1
+
+
+def test_the_service_manager_hears_of_a_walk_and_people_how_well_it_kept_time(
+    start, served, tmp_path, monkeypatch
+):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.setblocking(False)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        monkeypatch.setenv("WATCHDOG_USEC", "100000000")
+        flags = (*BY_FLAGS, "--seconds", "0.2", "--report")
+        process = start("--robot-address", served[1], *flags)
+        out, err = process.communicate(timeout=30)
+        assert (process.returncode, err) == (0, "")
+        words = [manager.recv(100).decode() for _ in range(3)]
+        assert words == ["READY=1", "WATCHDOG=1", "STOPPING=1"]
+    rows = [line.split()[:2] for line in out.splitlines()]
+    assert ["policy", "tick"] in rows
+    assert ["missed", "deadlines"] in rows
 
 
 def wait_until_walking(robot) -> None:

@@ -6,7 +6,7 @@ import sys
 
 import rmll_onboard
 
-FOREIGN = ("torch", "mujoco", "onnx", "matplotlib", "lark", "rich", "safetensors", "rsl_rl")
+FOREIGN = ("torch", "mujoco", "onnx", "matplotlib", "lark", "rich", "safetensors", "rsl_rl", "mcap")
 
 
 def test_a_fresh_interpreter_runs_without_the_extras():

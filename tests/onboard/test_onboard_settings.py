@@ -41,12 +41,12 @@ def test_what_is_left_out_keeps_its_default(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("saftey: {}", "unknown 'saftey'; known: link, feet, safety, motion"),
+        ("saftey: {}", "unknown 'saftey'; known: link, feet, steering, safety, motion"),
         ("safety: {role_limit: 1}", "safety: unknown 'role_limit'; known: roll_limit, pitch"),
         ("safety: {roll_limit: 3}", "<= 1.5 - at `$.safety.roll_limit`"),
         ("safety: {roll_limit: .nan}", "roll_limit"),
         ("safety: {roll_limit: wide}", "got `str`"),
-        ("feet: {touching: 10, clear: 20}", "clear is 20, expected at most touching, 10"),
+        ("feet: {touching: 0.2, clear: 0.3}", "clear is 0.3, expected at most touching, 0.2"),
         ("link: {local_port: 70000}", "<= 65535"),
         ("motion: {rise: 0}", ">= 0.1"),
         ("safety: 3", "expected `object`, got `int`"),
@@ -69,7 +69,9 @@ values = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
     max_leaves=5,
 )
-names = st.sampled_from(["link", "feet", "safety", "motion", "robot_address", "stale_ms"])
+names = st.sampled_from(
+    ["link", "feet", "steering", "safety", "motion", "robot_address", "touching", "stale_ms"]
+)
 
 
 @given(st.dictionaries(names, st.dictionaries(names, values) | values))

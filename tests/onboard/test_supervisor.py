@@ -2,16 +2,21 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from rmll_onboard.a1_wire import MODE_SERVO, POS_STOP, RobotState
+from rmll_onboard.a1_wire import (
+    MODE_SERVO,
+    POS_STOP,
+    RobotState,
+    decode_command,
+    encode_command,
+)
 from rmll_onboard.settings import Settings
 from rmll_onboard.supervisor import NS, Mode, Request, Supervisor
 from rmll_robots import A1
 
-LEVEL = np.array([0.0, 0.0, -1.0])
 PERIOD = NS // 200
 MOTION = Settings().motion
 
@@ -25,13 +30,12 @@ class Bench:
         )
         self.state = RobotState(q=np.array(q))
         self.target = A1.default_pose + 0.1
-        self.gravity = LEVEL
-        self.fresh = True
+        self.complaint = None
         self.now = 0
 
     def tick(self, request=None):
         self.now += PERIOD
-        self.supervisor.update(self.now, self.state, self.fresh, self.gravity, request)
+        self.supervisor.update(self.now, self.state, self.complaint, request)
         self.command = self.supervisor.command(self.now, self.state, self.target)
         if self.command.kp.any():
             self.state.q[:] = self.command.q
@@ -125,82 +129,34 @@ def test_what_a_mode_does_not_allow_is_ignored(mode, ignored):
         assert bench.tick(request) is mode
 
 
-def test_nothing_moves_before_the_robot_was_heard():
-    bench = Bench()
-    bench.fresh = False
-    assert bench.run(1.0, Request.STAND) is Mode.DAMPING
-    assert bench.supervisor.fault is None
-
-
-def stale(bench):
-    bench.fresh = False
-    bench.run(0.06)
-
-
-def roll(bench):
-    bench.gravity = np.array([0.0, -np.sin(1.1), -np.cos(1.1)])
-
-
-def pitch(bench):
-    bench.gravity = np.array([np.sin(1.1), 0.0, -np.cos(1.1)])
-
-
-def no_attitude(bench):
-    bench.gravity = np.full(3, np.nan)
-
-
-def absurd_joint(bench):
-    bench.state.q[3] = 1e30
-
-
-def absurd_speed(bench):
-    bench.state.dq[3] = -1e30
-
-
-def wild_policy(bench):
-    bench.target = np.full(12, np.nan)
-
-
-FAULTS = {
-    stale: "no state from the robot for 5",
-    roll: "tilted: roll 1.10 rad",
-    pitch: "pitch 1.10 rad",
-    no_attitude: "tilted",
-    absurd_joint: "angles or speeds",
-    absurd_speed: "angles or speeds",
-    wild_policy: "targets are not finite",
-}
-
-
-@pytest.mark.parametrize("break_it", FAULTS, ids=lambda fault: fault.__name__)
-def test_a_fault_damps_for_good(break_it):
+def test_a_complaint_damps_for_good():
     bench = Bench().walk()
-    healthy = bench.state.q.copy()
-    break_it(bench)
+    bench.complaint = "something"
     bench.tick()
     assert bench.damped
-    assert FAULTS[break_it] in bench.supervisor.fault
-    bench.gravity, bench.fresh, bench.target = LEVEL, True, A1.default_pose
-    bench.state.q[:], bench.state.dq[:] = healthy, 0
+    assert bench.supervisor.fault == "something"
+    bench.complaint = None
     for request in Request:
         assert bench.run(0.1, request) is Mode.DAMPING
         assert bench.damped
 
 
-def test_a_short_gap_is_no_fault():
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_targets_that_are_no_numbers_are_not_sent(bad):
     bench = Bench().walk()
-    bench.fresh = False
-    bench.run(0.045)
-    bench.fresh = True
-    assert bench.tick() is Mode.WALKING
-
-
-def test_a_tilted_robot_is_not_lifted():
-    bench = Bench()
+    bench.target[5] = bad
     bench.tick()
-    roll(bench)
+    assert bench.damped
+    assert "targets are not finite" in bench.supervisor.fault
+
+
+def test_a_damped_robot_may_be_complained_of_but_not_lifted():
+    bench = Bench()
+    bench.complaint = "it hangs upside down"
+    bench.run(1.0)
+    assert bench.supervisor.fault is None
     assert bench.tick(Request.STAND) is Mode.DAMPING
-    assert "tilted" in bench.supervisor.fault
+    assert bench.supervisor.fault == "it hangs upside down"
 
 
 def test_the_first_fault_is_the_one_told():
@@ -213,14 +169,16 @@ def test_the_first_fault_is_the_one_told():
 joints = hnp.arrays(np.float64, 12, elements=st.floats(-4, 4))
 
 
+@settings(deadline=None)
 @given(joints, joints.map(lambda a: 5 * a), hnp.arrays(np.float64, 12, elements=st.floats(-9, 9)))
 def test_no_target_asks_for_more_than_the_torque_limit(q, dq, target):
     bench = Bench().walk()
     bench.state.q[:], bench.state.dq[:] = q, dq
     bench.target = target
     command = bench.supervisor.command(bench.now, bench.state, bench.target)
+    command = decode_command(encode_command(command))  # as the robot gets it, in 32 bits
     torque = command.kp * (command.q - q) - command.kd * dq
-    assert (np.abs(torque) <= A1.torque_limit + 1e-9).all()
-    reachable = (np.abs(torque) < A1.torque_limit - 1e-9).nonzero()
-    assert (command.q[reachable] >= A1.joint_lower[reachable]).all()
-    assert (command.q[reachable] <= A1.joint_upper[reachable]).all()
+    assert (np.abs(torque) <= A1.torque_limit + 1e-4).all()
+    reachable = (np.abs(torque) < A1.torque_limit - 1e-4).nonzero()
+    assert (command.q[reachable] >= A1.joint_lower[reachable] - 1e-6).all()
+    assert (command.q[reachable] <= A1.joint_upper[reachable] + 1e-6).all()

@@ -1,0 +1,98 @@
+"""The daemon on CAN in real time: how it begins, and how it ends whatever happens."""
+
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from rmll_gaits.errors import Failure
+from rmll_gaits.load import load_gait
+from rmll_onboard.can_frames import unpack
+from rmll_onboard.can_layout import Layout
+from rmll_onboard.can_link import CanLink
+from rmll_onboard.can_settings import Bus, Can
+from rmll_onboard.daemon import Daemon
+from rmll_onboard.loop import Loop
+from rmll_onboard.mit_wire import ENTER, EXIT, decode_commands
+from rmll_onboard.pilot import FlagPilot
+from rmll_onboard.settings import Link, Settings
+from rmll_onboard.wire import open_link
+from rmll_robots import A1
+
+
+@pytest.fixture
+def settings(brisk: Settings) -> Settings:
+    buses = {name: Bus("virtual", f"loop-{name}") for name in Can().buses}
+    can = msgspec.structs.replace(Can(), buses=buses)
+    return msgspec.structs.replace(brisk, link=Link(kind="can", startup_timeout=0.3), can=can)
+
+
+def orders(frames, layout) -> list[list[bytes]]:
+    """What each actuator was told, in its order."""
+    told = [[] for _ in layout.joints]
+    who = {key: joint for joint, key in enumerate(zip(layout.bus, layout.id, strict=True))}
+    for bus, identifier, data in frames:
+        told[who[bus, identifier]].append(data)
+    return told
+
+
+@pytest.mark.parametrize("crash", [False, True])
+def test_it_ends_in_damping_and_then_switches_the_actuators_off(bundle, settings, crash):
+    layout = Layout(settings.can, A1)
+    daemon = Daemon(bundle, settings, FlagPilot(load_gait("trot").commands, seconds=1.0))
+    if crash:
+        daemon.tick = None  # type: ignore[method-assign]
+    with closing(CanLink(settings.can.buses, layout.commands())) as robot:
+        with (
+            pytest.raises(TypeError if crash else Failure) as ended,
+            closing(open_link(settings, A1)) as link,
+        ):
+            Loop(daemon, link, settings.realtime).run(settings.link.startup_timeout)
+        frames = []
+        while datagrams := robot.receive():
+            frames += unpack(datagrams[0])
+    if not crash:
+        assert "nothing from actuator FR_hip_joint, actuator FR_thigh_joint" in str(ended.value)
+        assert str(ended.value).endswith("the IMU")
+    for told in orders(frames, layout):
+        assert (ENTER in told) is not crash
+        assert set(told[-3:]) == {EXIT}
+        commands = [data for data in told[:-3] if data != ENTER]
+        assert len(commands) > 350  # two seconds of them
+        assert not any(data.startswith(b"\xff" * 7) for data in commands)
+        for data in commands:
+            command = decode_commands(layout.ranges, [data] * len(layout.joints))
+            assert not command.kp.any()
+            np.testing.assert_allclose(command.kd, A1.damping_kd)
+
+
+def onboard(*flags: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rmll_onboard.cli", *map(str, flags)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize(
+    ("text", "flags", "code", "words"),
+    [
+        ("", [], 2, "--link can: no remote there; lead by --vx, --gamepad or --commands"),
+        ("can: {actuators: {}}", ["--vx", 0], 2, "can: actuators: 'FL_calf_joint' is missing"),
+        (
+            "can: {buses: {fr: {interface: morse, channel: x}, fl: {interface: morse, channel: y},"
+            " rr: {interface: morse, channel: z}, rl: {interface: morse, channel: w}}}",
+            ["--vx", 0],
+            1,
+            "bus fr: morse x: ",
+        ),
+    ],
+)
+def test_what_is_wrong_is_one_line(bundle_path: Path, tmp_path: Path, text, flags, code, words):
+    path = tmp_path / "settings.yaml"
+    path.write_text(text)
+    done = onboard("--policy", bundle_path, "--link", "can", "--settings", path, *flags)
+    assert done.returncode == code, done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert f"rmll-onboard: {words}" in done.stderr

@@ -1,0 +1,313 @@
+"""Each check, and how long it is patient."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rmll_onboard import a1_wire
+from rmll_onboard.a1_wire import MODE_SERVO, MotorCommand, RobotState
+from rmll_onboard.attitude import projected_gravity
+from rmll_onboard.gait_monitor import GaitMonitor
+from rmll_onboard.guard import ActionGuard, Guard, Seen
+from rmll_onboard.intake import Intake
+from rmll_onboard.presence import Presence
+from rmll_onboard.remote import Button, Remote, encode
+from rmll_onboard.settings import Link, Safety
+from rmll_robots import A1
+
+PERIOD = 5_000_000
+FR_CALF = 2
+
+
+class Bench:
+    """A robot that walks, obeys, and shivers as real ones do; a tick each :meth:`tick`."""
+
+    def __init__(self, **safety):
+        self.intake = Intake(Link())
+        self.guard = Guard(A1, Safety(**safety), self.intake, PERIOD)
+        self.state = RobotState(q=A1.default_pose.copy(), quaternion=np.array([1.0, 0, 0, 0]))
+        self.command = MotorCommand(
+            mode=np.full(12, MODE_SERVO, np.uint8),
+            q=A1.default_pose.copy(),
+            kp=np.full(12, A1.kp),
+            kd=np.full(12, A1.kd),
+        )
+        self.random = np.random.default_rng(0)
+        self.imu_shivers, self.joints_shiver = 1.0, np.full(12, 1e-6)
+        self.now = 0
+        self.walking = self.moving = self.obedient = True
+        self.datagrams = lambda good: [good]
+
+    def tick(self, period=PERIOD):
+        self.now += period
+        state = self.state
+        state.tick = self.now // 1_000_000
+        state.accelerometer += self.imu_shivers * self.random.normal(0, 1, 3)
+        state.q += self.joints_shiver * self.random.normal(0, 1, 12)
+        if self.obedient:
+            state.mode[:] = self.command.mode
+            state.tau[:] = self.command.kp * (self.command.q - state.q)
+            state.tau -= self.command.kd * state.dq
+        datagrams = self.datagrams(a1_wire.encode_state(state))
+        fresh = self.intake.take(self.now, datagrams, resting=False)
+        seen = self.intake.state
+        gravity = projected_gravity(seen.quaternion)
+        complaint = self.guard.complaint(
+            Seen(self.now, seen, fresh, gravity, self.moving, self.walking)
+        )
+        self.guard.obedience.sent(self.command)
+        return complaint
+
+    def ticks_until_complaint(self, most=400):
+        """How many ticks, and what was said."""
+        for count in range(1, most + 1):
+            if complaint := self.tick():
+                return count, complaint
+        return None, None
+
+    def well(self, ticks=50):
+        for _ in range(ticks):
+            assert self.tick() is None
+        return self
+
+
+def flip(bench):
+    bench.state.quaternion[:] = [0, 1, 0, 0]
+
+
+def no_rotation(bench):
+    bench.state.quaternion[:] = 0
+
+
+def pitch_up(bench):
+    bench.state.quaternion[:] = [np.cos(0.55), 0, np.sin(0.55), 0]
+
+
+def far_joint(bench):
+    bench.state.q[FR_CALF] = -0.5
+
+
+def near_joint(bench):
+    bench.state.q[FR_CALF] = -0.85
+
+
+def quick_joint(bench):
+    bench.state.dq[FR_CALF] = 21.5
+
+
+def absurd_speed(bench):
+    bench.state.dq[FR_CALF] = 3e38
+
+
+def strong_motors(bench):
+    bench.obedient = False
+    bench.state.dq[:], bench.state.tau[:] = 10.0, 9.0
+    bench.command.kp[:], bench.command.kd[:] = 0.0, -0.9  # told to
+
+
+def hot_joint(bench):
+    bench.state.temperature[FR_CALF] = 58
+
+
+def silence(bench):
+    bench.datagrams = lambda good: []
+
+
+def freeze(bench):
+    last = a1_wire.encode_state(bench.state)
+    bench.datagrams = lambda good: [last]
+
+
+def values_freeze(bench):
+    bench.imu_shivers, bench.joints_shiver = 0.0, np.zeros(12)
+
+
+def encoder_freeze(bench):
+    bench.joints_shiver[FR_CALF] = 0
+
+
+def corruption(bench):
+    bench.datagrams = lambda good: [good if bench.now // PERIOD % 4 == 0 else good[:-1]]
+
+
+def other_mode(bench):
+    bench.obedient = False
+    bench.state.mode[FR_CALF] = 8
+
+
+def other_torque(bench):
+    bench.obedient = False
+    bench.state.tau[FR_CALF] = 15
+
+
+def late(bench):
+    bench.tick(period=22 * PERIOD)
+
+
+FAULTS = {
+    flip: ("tilted: roll 3.14", 1),
+    no_rotation: ("tilted: roll nan", 1),
+    pitch_up: ("pitch 1.10", 1),
+    far_joint: ("FR_calf_joint at -0.50 rad, 0.42 rad past its limit", 1),
+    near_joint: ("FR_calf_joint at -0.85 rad, its limit is -0.92 rad", 6),
+    quick_joint: ("FR_calf_joint turns at 21.5 rad/s", 6),
+    absurd_speed: ("speeds that no joint can have", 1),
+    strong_motors: ("the motors take 1080 W", 6),
+    hot_joint: ("FR_calf_joint is at 58 °C", 6),
+    silence: ("no state from the robot for 55 ms (refused: none)", 11),
+    freeze: ("no state from the robot for 55 ms (refused: 11 repeated)", 11),
+    values_freeze: ("have not changed for 105 ms", 21),
+    encoder_freeze: ("FR_calf_joint has read the same for 505 ms", 101),
+    corruption: ("of the ticks bring broken datagrams only", None),
+    other_mode: ("FR_calf_joint is in mode 0x08, not in 0x0a", 21),
+    other_torque: ("FR_calf_joint is off its commanded torque", None),
+    late: ("deadlines missed: 21 ticks late", 1),
+}
+
+
+@pytest.mark.parametrize("break_it", FAULTS, ids=lambda fault: fault.__name__)
+def test_a_fault_is_noticed_in_time(break_it):
+    words, ticks = FAULTS[break_it]
+    bench = Bench().well()
+    break_it(bench)
+    count, complaint = (1, bench.tick()) if break_it is late else bench.ticks_until_complaint()
+    assert words in (complaint or "nothing")
+    assert ticks in (None, count)
+    assert count < 130
+
+
+@pytest.mark.parametrize(
+    "brief", [near_joint, quick_joint, strong_motors, hot_joint], ids=lambda fault: fault.__name__
+)
+def test_what_is_brief_is_put_up_with(brief):
+    bench = Bench().well()
+    healthy = bench.command
+    for _ in range(20):
+        brief(bench)
+        bench.well(ticks=5)
+        bench.state.q[:], bench.state.dq[:] = A1.default_pose, 0
+        bench.state.temperature[:], bench.obedient = 30, True
+        bench.command = MotorCommand(healthy.mode, A1.default_pose, kp=np.full(12, A1.kp))
+        bench.well(ticks=10)
+
+
+def test_a_bounding_robot_is_healthy():
+    """Pitch, speed, power and heat near what is allowed, and 25 ms between command and effect."""
+    bench = Bench()
+    told = []
+    for tick in range(400):
+        swing = np.sin(2 * np.pi * tick / 60)
+        bench.state.quaternion[:] = [np.cos(0.2 * swing), 0, np.sin(0.2 * swing), 0]
+        bench.state.q[:] = A1.default_pose + 0.2 * swing
+        bench.state.dq[:] = 5 * swing
+        bench.state.dq[FR_CALF] = 20.9 * swing
+        bench.state.temperature[:] = 57
+        bench.command.q[:] = A1.default_pose - 0.2 * swing
+        told.append(bench.command.q.copy())
+        bench.obedient = False
+        bench.state.mode[:] = MODE_SERVO
+        effective = told[max(0, tick - 4)]
+        bench.state.tau[:] = A1.kp * (effective - bench.state.q) - A1.kd * bench.state.dq
+        assert bench.tick() is None
+    assert len(bench.guard.warnings) == 12  # once a joint
+    assert bench.guard.warnings[0] == "FR_hip_joint reached 57 °C"
+
+
+def test_a_joint_at_its_limit_is_a_fault_only_while_walking():
+    bench = Bench()
+    bench.walking = False
+    near_joint(bench)
+    bench.well(400)
+
+
+def test_time_lost_is_made_up_for():
+    bench = Bench().well()
+    for _ in range(100):
+        assert bench.tick(period=3 * PERIOD) is None  # two ticks left out
+        bench.well(ticks=8)
+    complaints = [bench.tick(period=3 * PERIOD) for _ in range(12)]
+    assert "deadlines missed" in complaints[-1]
+
+
+def test_a_damped_robot_has_no_deadlines():
+    bench = Bench()
+    bench.moving = False
+    bench.well()
+    assert bench.tick(period=100 * PERIOD) is None
+    bench.moving = True
+    bench.well()
+
+
+def test_one_strange_torque_is_no_other_commander():
+    bench = Bench().well()
+    bench.obedient = False
+    bench.state.tau[FR_CALF] = 120
+    bench.well(ticks=3)
+    bench.obedient = True
+    bench.well()
+
+
+numbers = st.floats(width=32, allow_nan=False, allow_infinity=False)
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(numbers, min_size=12, max_size=12), st.lists(numbers, min_size=12, max_size=12))
+def test_any_measurement_is_judged(q, dq):
+    """Whatever a whole datagram may say, there is an answer and no exception."""
+    bench = Bench().well(ticks=6)
+    bench.obedient = False
+    bench.state.q[:], bench.state.dq[:] = q, dq
+    complaint = bench.tick()
+    past = np.maximum(np.array(q) - A1.joint_upper, A1.joint_lower - np.array(q)).max()
+    if past > 0.2 or max(map(abs, dq)) > 101:
+        assert complaint
+
+
+def test_the_policy_must_answer_within_its_range():
+    guard = ActionGuard(clip=8.0, patience=2)
+    fine, wild = np.full(12, 15.9, np.float32), np.full(12, -16.1, np.float32)
+    for action in (fine, wild, wild, fine, wild, wild):
+        assert guard.complaint(action) is None
+    assert guard.complaint(wild) == "the policy's action is 16.1, its range 8"
+    for number in (np.nan, np.inf, -np.inf):
+        action = fine.copy()
+        action[3] = number
+        assert ActionGuard(8.0, 2).complaint(action) == "the policy's action is no finite number"
+
+
+def test_a_gait_is_stuck_far_beyond_its_longest_dwell(bundle):
+    monitor = GaitMonitor(bundle.table, factor=10)
+    assert not monitor.stuck(phi=90, frequency=9)
+    assert monitor.stuck(phi=91, frequency=9)
+
+
+class TestPresence:
+    """Of the wireless remote."""
+
+    @pytest.fixture
+    def presence(self):
+        return Presence(Safety(remote_lost_ms=500, remote_still=20))
+
+    def lost(self, presence, seconds, data):
+        return presence.lost(int(seconds * 1e9), data)
+
+    def test_all_zero_after_a_head_was_there(self, presence):
+        there = b"\x55\x51" + encode(Remote())[2:]
+        assert not self.lost(presence, 0, there)
+        assert not self.lost(presence, 100, there)  # nobody touches it
+        assert not self.lost(presence, 101, bytes(40))
+        assert not self.lost(presence, 101.4, bytes(40))
+        assert self.lost(presence, 101.6, bytes(40))
+        assert not self.lost(presence, 102, there)
+
+    def test_without_a_head_a_released_remote_is_none_that_is_lost(self, presence):
+        assert not self.lost(presence, 0, encode(Remote(Button.A)))
+        assert not self.lost(presence, 100, bytes(40))
+
+    def test_a_stick_that_stands_still_for_too_long(self, presence):
+        held = encode(Remote(ly=0.7))
+        assert not self.lost(presence, 0, held)
+        assert not self.lost(presence, 19, held)
+        assert self.lost(presence, 21, held)
+        assert not self.lost(presence, 22, encode(Remote(ly=0.71)))

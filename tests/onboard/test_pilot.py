@@ -1,0 +1,56 @@
+"""Who leads: the remote's buttons for c_f, and flags with several values of it."""
+
+import pytest
+
+from rmll_gaits.errors import InputError
+from rmll_gaits.table import Commands
+from rmll_onboard.pilot import FlagPilot, RemotePilot
+from rmll_onboard.remote import Button, Remote
+from rmll_onboard.supervisor import NS, Mode, Request
+
+RANGES = Commands(vx=(-1.0, 1.0), wz=(-1.0, 1.0), frequency=(6.0, 12.0))
+
+
+def test_up_and_down_change_c_f_once_a_push_and_within_what_was_trained():
+    pilot = RemotePilot(RANGES, 7.0)
+
+    def push(button: Button) -> float:
+        held = [pilot.orders(0, Mode.WALKING, Remote(button)).command[2] for _ in range(3)]
+        assert len(set(held)) == 1
+        pilot.orders(0, Mode.WALKING, Remote())
+        return held[0]
+
+    assert [push(Button.UP) for _ in range(3)] == [6.0, 6.0, 6.0]
+    assert [push(Button.DOWN) for _ in range(7)] == [7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 12.0]
+    assert push(Button.UP | Button.DOWN) == 12.0
+
+
+def test_several_values_of_c_f_share_the_seconds():
+    pilot = FlagPilot(RANGES, 0.5, 0.0, (12, 6, 12), seconds=9.0)
+    assert pilot.orders(0, Mode.DAMPING, Remote()).command == (0.5, 0.0, 12)
+
+    def at(seconds: float):
+        return pilot.orders(int((5 + seconds) * NS), Mode.WALKING, Remote())
+
+    told = {seconds: at(seconds).command[2] for seconds in (0, 2.9, 3.1, 5.9, 6.1, 8.9, 9.5)}
+    assert told == {0: 12, 2.9: 12, 3.1: 6, 5.9: 6, 6.1: 12, 8.9: 12, 9.5: 12}
+    assert at(8.9).request is None
+    assert at(9.0).request is Request.SIT
+
+
+@pytest.mark.parametrize(
+    ("frequency", "seconds", "words"),
+    [
+        ((12, 5), 9.0, "--frequency 5: this gait was trained for 6 to 12"),
+        ((12, float("nan")), 9.0, "--frequency nan"),
+        ((12, 6), None, "needs --seconds"),
+    ],
+)
+def test_values_that_make_no_walk_are_refused(frequency, seconds, words):
+    with pytest.raises(InputError, match=words):
+        FlagPilot(RANGES, 0.5, 0.0, frequency, seconds)
+
+
+def test_one_value_and_none():
+    assert FlagPilot(RANGES, frequency=7.0).frequencies == (7.0,)
+    assert FlagPilot(RANGES).frequencies == FlagPilot(RANGES, frequency=()).frequencies == (9.0,)

@@ -1,0 +1,66 @@
+"""What is kept of a tick, watched on a walk."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from rmll_onboard.daemon import Daemon
+from rmll_onboard.pilot import FlagPilot
+from rmll_onboard.supervisor import Request
+from rmll_onboard.tick import Witness, columns, row
+
+
+@pytest.fixture
+def daemon(bundle, brisk):
+    pilot = FlagPilot(bundle.table.commands, 0.5, 0.0, 8.0, seconds=1.0)
+    return Daemon(bundle, brisk, pilot)
+
+
+@pytest.fixture
+def ticks(daemon, robot):
+    """A walk of a second, with the daemon's controller as it was at the end."""
+    kept, datagrams, now = [], [], 0
+    witness = Witness(daemon, kept.append)
+    while not daemon.finished:
+        now += daemon.period
+        answer = daemon.tick(now, datagrams)
+        witness.saw(now, datagrams, answer)
+        datagrams = [robot.answer(answer)]
+    return kept
+
+
+def test_every_tick_is_kept_with_all_that_went_in_and_out(ticks, daemon):
+    assert [tick.number for tick in ticks] == list(range(len(ticks)))
+    assert [tick.now for tick in ticks] == [(i + 1) * daemon.period for i in range(len(ticks))]
+    assert [len(tick.datagrams) for tick in ticks] == [0] + [1] * (len(ticks) - 1)
+    assert {len(tick.answer) for tick in ticks} == {610}
+    requests = list(dict.fromkeys(tick.request for tick in ticks if tick.request))
+    assert requests == [Request.STAND, Request.WALK, Request.SIT]
+    assert {tick.command for tick in ticks} == {(0.5, 0.0, 8.0)}
+
+
+def test_the_inside_is_kept_at_the_policys_rate(ticks, bundle):
+    names = columns(bundle.contract)
+    rows = [row(t.now, t.inside, bundle.table.states, names) for t in ticks if t.inside]
+    order = list(dict.fromkeys(r["mode"] for r in rows if r["mode"] != "standing"))
+    assert order == ["damping", "standing_up", "walking", "sitting_down"]
+    walking = [r for r in rows if r["mode"] == "walking"]
+    assert len(walking) == 51 + 5
+    assert max(r["vx"] for r in walking) == 0.5
+    assert sum(r["advanced"] for r in walking) == pytest.approx(6, abs=1)
+    for r in walking:
+        down = [r[f"down_{foot}"] for foot in ("FR", "FL", "RR", "RL")]
+        assert sum(bit << foot for foot, bit in enumerate(down)) == r["label"]
+    assert {b["t_ns"] - a["t_ns"] for a, b in pairwise(walking)} == {20_000_000}
+
+
+def test_the_numbers_of_the_inside_are_the_controllers(ticks, bundle, daemon):
+    last = [tick for tick in ticks if tick.inside][-1]
+    named = row(last.now, last.inside, bundle.table.states, columns(bundle.contract))
+    controller = daemon.controller
+    for name, value in zip(bundle.contract.joint_names, controller.target, strict=True):
+        assert named[f"target_{name}"] == pytest.approx(value, rel=1e-7)
+    observed = [value for name, value in named.items() if name.startswith("observation_")]
+    # to the last bit, in spite of the rounding to nine digits
+    np.testing.assert_array_equal(np.array(observed, np.float32), controller.observation)
