@@ -20,15 +20,24 @@ _POS_STOP, _VEL_STOP = (float(np.float32(stop)) for stop in (POS_STOP, VEL_STOP)
 class Board:
     """Drives the motors of a :class:`World`. Times are in whole milliseconds of the world."""
 
-    def __init__(self, world: World, robot: Robot, delay_ms: int, timeout_ms: int) -> None:
+    def __init__(
+        self,
+        world: World,
+        robot: Robot,
+        delay_ms: int,
+        timeout_ms: int,
+        passive_kd: float = BRAKE_KD,
+    ) -> None:
         """Args:
         delay_ms: from the arrival of a command to its effect at the joints.
         timeout_ms: the joints brake when no command came for so long.
+        passive_kd: [N·m·s/rad] of the brake.
         """
         self._world = world
         self._robot = robot
         self._delay_ms = delay_ms
         self._timeout_ms = timeout_ms
+        self._passive_kd = passive_kd
         self._pending: deque[tuple[int, MotorCommand]] = deque()
         self._heard_ms = 0
         self.mode = np.full(len(robot.joint_names), MODE_BRAKE, np.uint8)
@@ -60,13 +69,15 @@ class Board:
         dq = command.dq.clip(-_LARGEST_TARGET, _LARGEST_TARGET)
         self.mode[:] = np.where(servo, MODE_SERVO, MODE_BRAKE)
         self._actuate(
-            np.where(servo, command.tau + kp * q + kd * dq, 0.0), kp, np.where(servo, kd, BRAKE_KD)
+            np.where(servo, command.tau + kp * q + kd * dq, 0.0),
+            kp,
+            np.where(servo, kd, self._passive_kd),
         )
 
     def _brake(self) -> None:
         self._pending.clear()
         self.mode[:] = MODE_BRAKE
-        self._actuate(0.0, 0.0, BRAKE_KD)
+        self._actuate(0.0, 0.0, self._passive_kd)
 
     def _actuate(self, control: np.ndarray | float, kp: np.ndarray | float, kd: np.ndarray | float):
         model = self._world.model

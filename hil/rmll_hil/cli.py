@@ -1,14 +1,24 @@
 """``rmll-hil``: the emulated robot, alone or with the daemon that walks it."""
 
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from rmll_contract import command
+from rmll_gaits.errors import InputError
+from rmll_hil.can_robot import CanRobot
 from rmll_hil.emulator import Emulator, Settings
+from rmll_hil.faults import Plan, load_plan
 from rmll_hil.serve import Reply, Stop, listen, save, serve
+from rmll_hil.serve_can import serve_can
+from rmll_onboard.can_layout import Layout
+from rmll_onboard.can_link import CanLink
+from rmll_onboard.can_settings import Can
+from rmll_onboard.settings import Kind, load_settings
+from rmll_robots import A1
 
 Robot = Annotated[Settings, tyro.conf.OmitArgPrefixes]
 
@@ -18,9 +28,14 @@ def serve_command(
     host: str = "127.0.0.1",
     port: int = 8007,
     reply: Reply = "stream",
+    link: Kind = "udp",
+    settings: Path | None = None,
     log: Path | None = None,
+    faults: Path | None = None,
 ) -> None:
     """Emulate an A1's low-level board on UDP, in real time, until Ctrl-C or SIGTERM.
+
+    Or, with --link can, a robot of actuators on the buses of the daemon's settings file.
 
     Example: rmll-hil serve --port 8007, then rmll-onboard --policy policies/trot.onnx
 
@@ -29,13 +44,35 @@ def serve_command(
         host: Address to listen on; the default is reachable from this machine only.
         port: UDP port; 0 takes a free one and prints it.
         reply: "stream" sends states at 500 Hz from the first command on, "echo" one a command.
+        link: What it speaks; host, port and reply are those of udp.
+        settings: The daemon's settings file, for its section can.
         log: Write the true motion to this .npz file at the end.
+        faults: YAML file with a fault plan: what goes wrong, and when.
     """
-    stop = Stop()
+    plan = load_plan(faults, A1) if faults else ()
+    stop = Stop().on_signals()
+    if link == "can":
+        _serve_can(robot, load_settings(settings).can, plan, stop, log)
+        return
     with listen(host, port) as sock:
-        emulator = Emulator(robot)
+        emulator = Emulator(robot, plan=plan)
         print("listening on {}:{}".format(*sock.getsockname()), flush=True)
         realtime_factor = serve(emulator, sock, reply, stop)
+    _told(emulator, realtime_factor, log)
+
+
+def _serve_can(robot: Settings, can: Can, plan: Plan, stop: Stop, log: Path | None) -> None:
+    if plan:
+        raise InputError("--faults: a fault plan needs --link udp")
+    wire = CanRobot(can, A1)
+    with closing(CanLink(can.buses, Layout(can, A1).commands())) as buses:
+        emulator = Emulator(robot, wire=wire)
+        print(f"listening on {buses.name}", flush=True)
+        realtime_factor = serve_can(emulator, buses, stop)
+    _told(emulator, realtime_factor, log)
+
+
+def _told(emulator: Emulator, realtime_factor: float, log: Path | None) -> None:
     print(
         f"{emulator.now_ms / 1000:.1f} s at {realtime_factor:.3f} x real time; commands: "
         f"{emulator.received} received, {emulator.rejected} rejected; {emulator.sent} states sent",
@@ -50,16 +87,20 @@ def run_command(
     seconds: float = 20.0,
     vx: float = 0.5,
     wz: float = 0.0,
-    frequency: float | None = None,
+    frequency: tuple[float, ...] | None = None,
     robot: Robot = Settings(),  # noqa: B008 - frozen
+    link: Kind | None = None,
+    settings: Path | None = None,
     lockstep: bool = False,
+    faults: Path | None = None,
     json: bool = False,
     out: Path | None = None,
 ) -> None:
     """Walk a policy with the real daemon on the emulated robot, and report how it went.
 
     Emulator and daemon run as two processes in real time, or with --lockstep in one, taking
-    turns: repeatable and faster. Leaves a summary, a log and the foot-contact picture.
+    turns: repeatable and faster. Leaves a summary, the flight recorder's log, the same as a table
+    with the truth beside it, and the foot-contact picture.
 
     Example: rmll-hil run --policy policies/trot.onnx --seconds 20 --vx 0.5
 
@@ -69,20 +110,79 @@ def run_command(
         vx: Forward speed [m/s].
         wz: Turning speed [rad/s], left positive.
         frequency: c_f, the least policy steps between two transitions; the middle of the gait's
-            range by default.
+            range by default. Several values share the seconds, and make one more picture.
         robot: What the emulated robot is like.
+        link: What it speaks, an A1's udp or can; instead of the settings' one.
+        settings: The daemon's settings file.
         lockstep: Take turns in one process instead of running in real time.
+        faults: YAML file with a fault plan: what goes wrong, and when.
         json: Print the summary as one JSON object.
         out: New folder for the results; hil-runs/GAIT-TIME by default.
     """
     # the emulator's own process has no use for what a run needs
     from rmll_hil.run import run
 
-    run(policy, seconds, vx, wz, frequency, robot, lockstep, json, out)
+    daemon = load_settings(settings).over(link)
+    run(policy, seconds, vx, wz, frequency, robot, daemon, lockstep, faults, json, out)
+
+
+def replay_command(
+    log: Annotated[Path, tyro.conf.Positional],
+    *,
+    policy: Path | None = None,
+    policies: Path = Path("policies"),
+    json: bool = False,
+) -> None:
+    """Send a recorded walk through today's daemon; every datagram it sends must be the same.
+
+    Takes what --record and rmll-hil run leave. The first difference is shown field by field.
+
+    Example: rmll-hil replay hil-runs/trot-20250101-120000/run.mcap
+
+    Args:
+        log: The .mcap file.
+        policy: The bundle that it was recorded with; the gait's shipped one by default.
+        policies: Where the shipped bundles are.
+        json: Print the result as one JSON object.
+    """
+    from rmll_hil.replay_command import replay_command as replay
+
+    replay(log, policy, policies, json)
+
+
+def faults_command(
+    policy: Path = Path("policies/trot.onnx"),
+    only: tuple[str, ...] = (),
+    jobs: int = 1,
+    out: Path | None = None,
+    json: bool = False,
+) -> None:
+    """Provoke faults while a policy walks, and see that the daemon does what it should.
+
+    Daemon and emulator talk UDP in real time; a fault takes about four seconds.
+
+    Example: rmll-hil faults --policy policies/trot.onnx --only silent_board killed
+
+    Args:
+        policy: The bundle that walks.
+        only: Names of faults; all by default.
+        jobs: How many at a time; more than one blurs the times.
+        out: Write the table to this Markdown file.
+        json: Print the table as one JSON object.
+    """
+    from rmll_hil.fault_command import faults
+
+    faults(policy, only, jobs, out, json)
 
 
 def main() -> None:
-    command.run("rmll-hil", {"serve": serve_command, "run": run_command})
+    commands = {
+        "serve": serve_command,
+        "run": run_command,
+        "replay": replay_command,
+        "faults": faults_command,
+    }
+    command.run("rmll-hil", commands)
 
 
 if __name__ == "__main__":

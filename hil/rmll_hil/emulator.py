@@ -4,6 +4,7 @@
 # (MuJoCo's compiled module has no stubs)
 
 from dataclasses import dataclass
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -11,10 +12,15 @@ from numpy.typing import NDArray
 
 from rmll_gaits.errors import Failure, InputError
 from rmll_hil.board import Board
+from rmll_hil.faults import Plan
+from rmll_hil.network import Way
+from rmll_hil.robot_wire import A1Robot, RobotWire
+from rmll_hil.sabotage import Sabotage
 from rmll_hil.sensors import Noise, Sensors
 from rmll_hil.world import STEP_MS, World, load
-from rmll_onboard.a1_wire import BadPacket, decode_command, encode_state
+from rmll_onboard.a1_wire import BadPacket, RobotState
 from rmll_robots import A1, Robot
+from rmll_robots.ground import LEVELS, Field, Kind, build, course
 
 TRUTH = np.dtype(
     [
@@ -48,16 +54,20 @@ class Settings:
     """What may differ from one emulated robot to the next."""
 
     seed: int = 0
-    """Of all randomness: sensor noise, biases, drift."""
+    """Of all randomness: sensor noise, biases, drift, ground."""
     friction: float = 0.8
     """Sliding friction coefficient of feet and floor."""
     action_delay_ms: int = 5
     """From the arrival of a command to its effect at the joints."""
     command_timeout_ms: int = 50
     """Without a command for longer, the joints brake. The A1's own value is not published."""
+    ground: Literal["flat", Kind] = "flat"
+    """What it stands on: rough is random heights; uphill and downhill lead away from the start."""
+    level: int = 5
+    """How hard the ground is, from 0 to 9, as in training; without effect on flat ground."""
 
     def check(self) -> None:
-        """Raises InputError for a value below its least one."""
+        """Raises InputError for a value below its least one or out of its range."""
         least = {"seed": 0, "friction": 0.01, "action_delay_ms": 0, "command_timeout_ms": 1}
         for name, low in least.items():
             # written so that NaN is refused too
@@ -65,6 +75,8 @@ class Settings:
                 raise InputError(
                     f"{name.replace('_', ' ')} is {getattr(self, name)}, expected at least {low}"
                 )
+        if not 0 <= self.level < LEVELS:
+            raise InputError(f"level is {self.level}, expected 0 to {LEVELS - 1}")
 
 
 class Emulator:
@@ -74,22 +86,37 @@ class Emulator:
     """
 
     def __init__(
-        self, settings: Settings | None = None, noise: Noise | None = None, robot: Robot = A1
+        self,
+        settings: Settings | None = None,
+        noise: Noise | None = None,
+        robot: Robot = A1,
+        plan: Plan = (),
+        wire: RobotWire | None = None,
     ) -> None:
+        """``plan`` is for a wire that speaks like an A1, as the default one does."""
         settings = settings or Settings()
         settings.check()
-        self.world: World = load(robot, settings.friction)
-        self.board = Board(self.world, robot, settings.action_delay_ms, settings.command_timeout_ms)
+        self.world: World = load(robot, settings.friction, _field(settings))
+        self.wire = wire or A1Robot()
+        delay_ms, timeout_ms = settings.action_delay_ms, settings.command_timeout_ms
+        self.board = Board(self.world, robot, delay_ms, timeout_ms, self.wire.passive_kd)
         self.now_ms = 0
         self.received = 0
         self.rejected = 0
         self.sent = 0
         self._energy = 0.0
         self._truth: list[tuple] = []
+        self._sabotage = Sabotage((), self.world, self.board, robot)
         self.advance(SETTLE_MS, -SETTLE_MS * 1_000_000)
         self.now_ms, self._energy, self._truth = 0, 0.0, []
         rng = np.random.default_rng(settings.seed)
         self._sensors = Sensors(self.world, noise or Noise(), rng)
+        self._sabotage = Sabotage(plan, self.world, self.board, robot)
+        # randomness of its own, so that a plan does not change the sensors' noise
+        chance = np.random.default_rng((settings.seed, 1))
+        self.to_robot = Way(plan, "to_robot", chance)
+        """For whoever brings datagrams here; :meth:`receive` itself is the far end"""
+        self.from_robot = Way(plan, "from_robot", chance)
 
     @property
     def accepted(self) -> int:
@@ -100,7 +127,7 @@ class Emulator:
         """Take a datagram from the network; a bad one is counted and dropped, answer False."""
         self.received += 1
         try:
-            command = decode_command(datagram)
+            command = self.wire.hear(datagram, self._measure)
         except BadPacket:
             self.rejected += 1
             return False
@@ -110,7 +137,7 @@ class Emulator:
     def state_datagram(self) -> bytes:
         """Measure, and return what the board sends."""
         self.sent += 1
-        return encode_state(self._sensors.read(self.board.mode, self.now_ms))
+        return self._sabotage.rewrite(self.wire.tell(self._measure()), self.now_ms)
 
     def advance(self, milliseconds: int, time_ns: int) -> None:
         """Let time pass; ``time_ns`` is the caller's clock at the beginning, for the truth.
@@ -122,6 +149,7 @@ class Emulator:
             if self.now_ms % TRUTH_MS == 0:
                 self._truth.append(self._sample(time_ns + passed * 1_000_000))
             self.board.update(self.now_ms)
+            self._sabotage.before_step(self.now_ms)
             mujoco.mj_step(world.model, world.data)
             self._energy += float(np.abs(world.torque * world.dq).sum()) * STEP_MS * 1e-3
             self.now_ms += STEP_MS
@@ -131,6 +159,11 @@ class Emulator:
     def truth(self) -> NDArray[np.void]:
         """All samples so far, one each 5 ms, of type ``TRUTH``."""
         return np.array(self._truth, TRUTH)
+
+    def _measure(self) -> RobotState:
+        state = self._sensors.read(self.board.mode, self.now_ms)
+        self._sabotage.distort(state, self.now_ms)
+        return state
 
     def _sample(self, time_ns: int) -> tuple:
         world = self.world
@@ -145,3 +178,10 @@ class Emulator:
             world.foot_load > CONTACT_FORCE,
             world.base_contact[0] > 0,
         )
+
+
+def _field(settings: Settings) -> Field | None:
+    """The ground's heights, None for a flat floor."""
+    if settings.ground == "flat":
+        return None
+    return build(course(settings.ground, settings.level), settings.seed)

@@ -4,62 +4,81 @@ They exchange the same datagrams as over the network, but there is no socket and
 each command is followed by one control period of physics, and that by one state.
 """
 
-import csv
-import io
 import time
 from collections.abc import Callable
+from typing import Any
 
 from rmll_hil.emulator import Emulator
 from rmll_hil.outcome import AFTERMATH, Outcome
 from rmll_onboard.bundle import Bundle
 from rmll_onboard.daemon import Daemon
-from rmll_onboard.log import Log
-from rmll_onboard.loop import FAREWELL
 from rmll_onboard.pilot import Pilot
 from rmll_onboard.settings import Settings
 from rmll_onboard.supervisor import NS
+from rmll_onboard.tick import Tick, Witness, columns, row
 
 
 def walk(
-    emulator: Emulator, bundle: Bundle, pilot: Pilot, progress: Callable[[float], None]
+    emulator: Emulator,
+    bundle: Bundle,
+    pilot: Pilot,
+    progress: Callable[[float], None],
+    record: Callable[[Tick], None] | None = None,
+    settings: Settings = Settings(),  # noqa: B008 - frozen
 ) -> Outcome:
-    """Run until the daemon has finished; ``progress`` hears the robot's time [s] at 50 Hz."""
-    rows = Log(bundle)
-    daemon = Daemon(bundle, Settings(), pilot, rows)
+    """Run until the daemon has finished.
+
+    ``progress`` hears the robot's time [s] at 50 Hz, ``record`` sees every tick; ``settings`` are
+    the daemon's.
+    """
+    rows: list[dict[str, Any]] = []
+    names = columns(bundle.contract)
+
+    def keep(tick: Tick) -> None:
+        if tick.inside is not None:
+            rows.append(row(tick.now, tick.inside, bundle.table.states, names))
+        if record is not None:
+            record(tick)
+
+    daemon = Daemon(bundle, settings, pilot)
+    witness = Witness(daemon, keep)
     period_ms = daemon.period // 1_000_000
     began = time.perf_counter()
-    datagram = None
+    datagrams: list[bytes] = []
     while not daemon.finished:
         now = emulator.now_ms * 1_000_000
-        emulator.receive(daemon.tick(now, datagram))
-        emulator.advance(period_ms, now)
-        datagram = emulator.state_datagram()
+        answer = daemon.tick(now, datagrams)
+        witness.saw(now, datagrams, answer)
+        datagrams = _period(emulator, answer, period_ms)
         if daemon.policy_ran:
             progress(now / NS)
-    for _ in range(int(FAREWELL * NS / daemon.period)):
-        emulator.receive(daemon.damping())
-        emulator.advance(period_ms, emulator.now_ms * 1_000_000)
+    for _ in range(int(daemon.intake.farewell * NS / daemon.period)):
+        _period(emulator, daemon.damping(), period_ms)
     if daemon.fault:
         emulator.advance(int(AFTERMATH * 1000), emulator.now_ms * 1_000_000)
     wall = time.perf_counter() - began
     packets = {
-        "sent": emulator.received,
-        "received": daemon.received,
-        "rejected": daemon.rejected,
-        "lost": daemon.lost,
+        "sent": emulator.to_robot.sent,
+        "received": daemon.intake.received,
+        "rejected": daemon.intake.rejected,
+        "lost": daemon.intake.lost,
     }
     # not measured: there is no real time here
-    timings = dict.fromkeys(("tick_us", "wake_us", "rss_mb"))
+    timings = dict.fromkeys(("tick_us", "wake_us", "rss_mb", "pace"))
     return Outcome(
         report=daemon.report() | timings | {"packets": packets},
-        log=_table(rows),
+        log=rows,
         truth=emulator.truth(),
         realtime_factor=emulator.now_ms / 1000 / wall,
     )
 
 
-def _table(rows: Log) -> list[dict[str, str]]:
-    text = io.StringIO()
-    rows.write(text)
-    text.seek(0)
-    return list(csv.DictReader(text))
+def _period(emulator: Emulator, command: bytes, milliseconds: int) -> list[bytes]:
+    """Let a control period pass, with the network's faults; returns what reaches the daemon."""
+    emulator.to_robot.send(command, emulator.now_ms)
+    for _ in range(milliseconds):
+        for datagram, _ in emulator.to_robot.arrived(emulator.now_ms):
+            emulator.receive(datagram)
+        emulator.advance(1, emulator.now_ms * 1_000_000)
+    emulator.from_robot.send(emulator.state_datagram(), emulator.now_ms)
+    return [datagram for datagram, _ in emulator.from_robot.arrived(emulator.now_ms)]

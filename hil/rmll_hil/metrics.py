@@ -47,8 +47,9 @@ def summary(outcome: Outcome, gait: str, robot: Robot) -> dict[str, Any]:
         "energy_per_metre": energy,
         "cost_of_transport": cost_of_transport(energy, robot),
         "fault": report["fault"],
+        "warnings": report["warnings"],
         "realtime_factor": outcome.realtime_factor,
-        **{name: report[name] for name in ("tick_us", "wake_us", "rss_mb", "packets")},
+        **{name: report[name] for name in ("tick_us", "wake_us", "rss_mb", "pace", "packets")},
     }
 
 

@@ -1,8 +1,6 @@
 """What a run leaves behind: the daemon's own report and log, and the truth beside them."""
 
-import csv
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,32 +18,27 @@ class Outcome:
 
     report: dict[str, Any]
     """The daemon's: what it walked, its fault if any, its datagrams and timings"""
-    log: list[dict[str, str]]
-    """The daemon's log, one row a policy step, as it stands in its CSV file"""
+    log: list[dict[str, Any]]
+    """The daemon's inside, one :func:`rmll_onboard.tick.row` a policy step"""
     truth: NDArray[np.void]
     """Samples of type :data:`rmll_hil.emulator.TRUTH`, rising in time"""
     realtime_factor: float
     """The robot's time over the wall's"""
 
 
-def read_log(path: Path) -> list[dict[str, str]]:
-    """The rows of a log that ``rmll-onboard --log`` wrote."""
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def times(log: list[dict[str, str]]) -> NDArray[np.int64]:
+def times(log: list[dict[str, Any]]) -> NDArray[np.int64]:
     """(n,) [ns]"""
-    return np.array([int(row["t_ns"]) for row in log], np.int64)
+    return np.array([row["t_ns"] for row in log], np.int64)
 
 
-def column(log: list[dict[str, str]], *names: str) -> NDArray[np.float64]:
-    """(n, number of names), or (n,) for one name."""
-    values = np.array([[float(row[name]) for name in names] for row in log])
+def column(log: list[dict[str, Any]], *names: str) -> NDArray[np.float64]:
+    """(n, number of names), or (n,) for one name; what was no number is NaN."""
+    # None becomes NaN
+    values = np.array([[row[name] for name in names] for row in log], np.float64)
     return values[:, 0] if len(names) == 1 else values
 
 
-def states(log: list[dict[str, str]], table: MachineTable) -> NDArray[np.int64]:
+def states(log: list[dict[str, Any]], table: MachineTable) -> NDArray[np.int64]:
     """(n,) indices of the automaton's states."""
     return np.array([table.states.index(row["state"]) for row in log], np.int64)
 

@@ -5,6 +5,7 @@ import json
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -14,7 +15,10 @@ import numpy as np
 
 from rmll_gaits.errors import Failure, InputError
 from rmll_hil.emulator import Settings
-from rmll_hil.outcome import AFTERMATH, Outcome, read_log
+from rmll_hil.outcome import AFTERMATH, Outcome
+from rmll_onboard.flight_log import FlightLog
+from rmll_onboard.settings import Settings as DaemonSettings
+from rmll_onboard.settings import as_yaml
 
 PATIENCE = 8.0
 """[s] for a process to end by itself; sitting down takes about three"""
@@ -23,45 +27,66 @@ PATIENCE = 8.0
 def walk(
     daemon_flags: list[str],
     settings: Settings,
-    scratch: Path,
+    record: Path,
     progress: Callable[[float], None],
+    faults: Path | None = None,
+    daemon_settings: DaemonSettings = DaemonSettings(),  # noqa: B008 - frozen
 ) -> Outcome:
     """Start both, wait until the daemon has finished, and end the emulator.
 
     Args:
         daemon_flags: of ``rmll-onboard``, without the robot's address.
-        scratch: a folder for both sides' logs.
+        record: a new file for the daemon's flight recorder.
         progress: hears the seconds since the daemon's start.
+        faults: the file of a fault plan for the emulator.
+        daemon_settings: the link, and all else that the daemon's settings file has.
 
     Raises InputError or Failure, whichever the daemon ended with, if it has nothing to report.
     """
-    truth_path, log_path = scratch / "truth.npz", scratch / "onboard.csv"
-    robot_flags = [
+    onboard = ["rmll_onboard.cli", *daemon_flags, "--record", str(record), "--json"]
+    with tempfile.TemporaryDirectory(prefix="rmll-hil-") as scratch:
+        truth_path, settings_path = Path(scratch, "truth.npz"), Path(scratch, "settings.yaml")
+        settings_path.write_text(as_yaml(daemon_settings))
+        wired = ["--link", daemon_settings.link.kind, "--settings", str(settings_path)]
+        serve = _serve(settings, truth_path, faults)
+        with _interruptible(), _process([*serve, *wired]) as emulator:
+            address = _address(emulator)
+            if daemon_settings.link.kind == "udp":
+                wired += ["--robot-address", address]
+            with _process([*onboard, *wired]) as process:
+                began = time.monotonic()
+                # an emulator that died is noticed by the daemon, as on the robot
+                while process.poll() is None:
+                    progress(time.monotonic() - began)
+                    time.sleep(0.1)
+                report = _report(process)
+            if report["fault"]:
+                time.sleep(AFTERMATH)
+            _end(emulator)
+        with np.load(truth_path) as saved:
+            truth, counters = saved["truth"], json.loads(str(saved["counters"]))
+    if trouble := report["record"]["trouble"]:
+        raise Failure(f"the flight recorder: {trouble}")
+    return Outcome(report, list(FlightLog(record).rows()), truth, counters["realtime_factor"])
+
+
+def _serve(settings: Settings, truth: Path, faults: Path | None) -> list[str]:
+    flags = [
         text
         for name, value in dataclasses.asdict(settings).items()
         for text in (f"--{name.replace('_', '-')}", str(value))
     ]
-    serve = ["rmll_hil.cli", "serve", "--port", "0", "--log", str(truth_path), *robot_flags]
-    onboard = ["rmll_onboard.cli", *daemon_flags, "--log", str(log_path), "--json"]
-    with _interruptible(), _process(serve) as emulator:
-        with _process([*onboard, "--robot-address", _address(emulator)]) as daemon:
-            began = time.monotonic()
-            # an emulator that died is noticed by the daemon, as on the robot
-            while daemon.poll() is None:
-                progress(time.monotonic() - began)
-                time.sleep(0.1)
-            report = _report(daemon)
-        if report["fault"]:
-            time.sleep(AFTERMATH)
-        emulator.terminate()
-        _, complaint = emulator.communicate(timeout=PATIENCE)
-        if emulator.returncode:
-            raise Failure(
-                f"the emulator ended with exit code {emulator.returncode}: {_reason(complaint)}"
-            )
-    with np.load(truth_path) as saved:
-        truth, counters = saved["truth"], json.loads(str(saved["counters"]))
-    return Outcome(report, read_log(log_path), truth, counters["realtime_factor"])
+    plan = ["--faults", str(faults)] if faults else []
+    return ["rmll_hil.cli", "serve", "--port", "0", "--log", str(truth), *flags, *plan]
+
+
+def _end(emulator: subprocess.Popen[str]) -> None:
+    emulator.terminate()
+    _, complaint = emulator.communicate(timeout=PATIENCE)
+    if emulator.returncode:
+        raise Failure(
+            f"the emulator ended with exit code {emulator.returncode}: {_reason(complaint)}"
+        )
 
 
 @contextmanager
@@ -104,7 +129,7 @@ def _process(module_and_flags: list[str]) -> Iterator[subprocess.Popen[str]]:
 
 
 def _address(emulator: subprocess.Popen[str]) -> str:
-    """host:port, from the line that ``rmll-hil serve`` begins with."""
+    """host:port or a bus, from the line that ``rmll-hil serve`` begins with."""
     assert emulator.stdout
     line = emulator.stdout.readline()
     if not line:

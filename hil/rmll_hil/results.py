@@ -59,9 +59,9 @@ def write(
         )
 
 
-def _is_shown(row: dict[str, str], start: int) -> bool:
+def _is_shown(row: dict[str, Any], start: int) -> bool:
     """The first seconds of steady walking."""
-    return row["mode"] == "walking" and 0 <= int(row["t_ns"]) - start - SETTLING_NS < SHOWN_NS
+    return row["mode"] == "walking" and 0 <= row["t_ns"] - start - SETTLING_NS < SHOWN_NS
 
 
 def _write_csv(path: Path, outcome: Outcome) -> None:

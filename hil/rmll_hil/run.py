@@ -1,26 +1,34 @@
 """``rmll-hil run``: stand up, walk, sit down; figures on the screen and a folder with the rest."""
 
 import json
-import tempfile
+import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from msgspec.structs import replace
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from rmll_gaits.errors import Failure
-from rmll_hil import lockstep, metrics, realtime, results
+from rmll_gaits.errors import Failure, InputError
+from rmll_hil import lockstep, metrics, realtime, results, sweep
+from rmll_hil.can_robot import CanRobot
 from rmll_hil.emulator import Emulator, Settings
+from rmll_hil.faults import Plan, load_plan
 from rmll_hil.outcome import Outcome
-from rmll_onboard.bundle import load_bundle
+from rmll_hil.serve_can import on_free_ports
+from rmll_onboard import settings as onboard
+from rmll_onboard.about import describe
+from rmll_onboard.bundle import Bundle, load_bundle
 from rmll_onboard.controller import prove
+from rmll_onboard.mcap_file import log_file
 from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.settings import Motion
 
-WALL_CLOCK = ("realtime_factor", "tick_us", "wake_us", "rss_mb")
+LOG = "run.mcap"
+"""The flight recorder's file in a run's folder"""
+WALL_CLOCK = ("realtime_factor", "tick_us", "wake_us", "rss_mb", "pace")
 """Figures of the machine and not of the robot; None in lockstep, so that equal runs print equal"""
 
 
@@ -29,15 +37,20 @@ def run(
     seconds: float,
     vx: float,
     wz: float,
-    frequency: float | None,
+    frequency: tuple[float, ...] | None,
     settings: Settings,
+    daemon: onboard.Settings,
     in_lockstep: bool,
+    faults: Path | None,
     print_json: bool,
     out: Path | None,
 ) -> None:
     """Arguments as the command's. Raises Failure, after all is printed, if the robot faulted."""
     settings.check()
     bundle = load_bundle(policy)
+    plan = load_plan(faults, bundle.robot) if faults else ()
+    if plan and daemon.link.kind != "udp":
+        raise InputError("--faults: a fault plan needs --link udp")
     prove(bundle)
     pilot = FlagPilot(bundle.table.commands, vx, wz, frequency, seconds)
     folder = results.folder(out, bundle.contract.gait)
@@ -45,17 +58,26 @@ def run(
     try:
         with _progress(messages, bundle.contract.gait, seconds) as progress:
             if in_lockstep:
-                emulator = Emulator(settings, robot=bundle.robot)
-                outcome = lockstep.walk(emulator, bundle, pilot, progress)
+                outcome = _lockstep(bundle, pilot, settings, daemon, plan, folder / LOG, progress)
             else:
-                outcome = _realtime(policy, pilot, settings, progress)
+                outcome = _realtime(policy, pilot, settings, daemon, faults, folder / LOG, progress)
+    except KeyboardInterrupt:
+        shutil.rmtree(folder)
+        raise
     except BaseException:
-        folder.rmdir()
+        with suppress(OSError):  # a log of what went wrong stays
+            folder.rmdir()
         raise
     summary = metrics.summary(outcome, bundle.contract.gait, bundle.robot)
     if in_lockstep:
         summary |= dict.fromkeys(WALL_CLOCK)
-    title = f"{bundle.contract.gait}, {vx:g} m/s, {wz:g} rad/s, c_f {pilot.command[2]:g}"
+    pace = " ".join(f"{value:g}" for value in pilot.frequencies)
+    title = f"{bundle.contract.gait}, {vx:g} m/s, {wz:g} rad/s, c_f {pace}"
+    if len(pilot.frequencies) > 1:
+        found = sweep.phases(outcome, bundle.table, pilot.frequencies, seconds)
+        summary["phases"] = found
+        if found:
+            sweep.draw(folder / "frequency.png", outcome, found, title)
     results.write(folder, outcome, summary, bundle.table, title)
     if print_json:
         print(json.dumps(summary))
@@ -66,20 +88,44 @@ def run(
         raise Failure(f"the robot went into damping: {outcome.report['fault']}")
 
 
-def _realtime(
-    policy: Path, pilot: FlagPilot, settings: Settings, progress: Callable[[float], None]
+def _lockstep(
+    bundle: Bundle,
+    pilot: FlagPilot,
+    settings: Settings,
+    daemon: onboard.Settings,
+    plan: Plan,
+    record: Path,
+    progress: Callable[[float], None],
 ) -> Outcome:
-    names = ("vx", "wz", "frequency", "seconds")
-    values = zip(names, (*pilot.command, pilot.seconds), strict=True)
-    flags = [text for name, value in values for text in (f"--{name}", str(value))]
-    with tempfile.TemporaryDirectory(prefix="rmll-hil-") as scratch:
-        return realtime.walk(["--policy", str(policy), *flags], settings, Path(scratch), progress)
+    wire = CanRobot(daemon.can, bundle.robot) if daemon.link.kind == "can" else None
+    emulator = Emulator(settings, robot=bundle.robot, plan=plan, wire=wire)
+    about = describe(bundle, daemon, real_time=False)
+    with log_file(record, about) as log:
+        return lockstep.walk(emulator, bundle, pilot, progress, log.add, daemon)
+
+
+def _realtime(
+    policy: Path,
+    pilot: FlagPilot,
+    settings: Settings,
+    daemon: onboard.Settings,
+    faults: Path | None,
+    record: Path,
+    progress: Callable[[float], None],
+) -> Outcome:
+    values = {"vx": pilot.vx, "wz": pilot.wz, "seconds": pilot.seconds}
+    flags = [text for name, value in values.items() for text in (f"--{name}", str(value))]
+    flags += ["--frequency", *map(str, pilot.frequencies)]
+    onboard_flags = ["--policy", str(policy), *flags]
+    if daemon.link.kind == "can":
+        daemon = replace(daemon, can=on_free_ports(daemon.can))
+    return realtime.walk(onboard_flags, settings, record, progress, faults, daemon)
 
 
 @contextmanager
 def _progress(messages: Console, gait: str, seconds: float) -> Iterator[Callable[[float], None]]:
     """A bar on stderr; the robot's way up and down are part of it."""
-    motion = Motion()
+    motion = onboard.Motion()
     up, down = motion.crouch + motion.rise + motion.settle, motion.slow_down + motion.sit
     total = up + seconds + down
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
@@ -93,12 +139,14 @@ def _show(summary: dict[str, Any]) -> None:
     table.add_column(style="bold")
     table.add_column(justify="right")
     for name, value in summary.items():
-        if value is not None:
+        if value not in (None, []):
             table.add_row(name, _plain(value))
     Console().print(table, highlight=False)
 
 
 def _plain(value: Any) -> str:
+    if isinstance(value, list):
+        return "\n".join(map(_plain, value))
     if isinstance(value, dict):
         return "  ".join(f"{name} {_plain(inner)}" for name, inner in value.items())
     return f"{value:.3g}" if isinstance(value, float) else str(value)

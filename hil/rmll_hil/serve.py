@@ -13,6 +13,7 @@ import numpy as np
 from rmll_gaits.errors import Failure
 from rmll_hil.emulator import Emulator
 
+Address = tuple[str, int]
 Reply = Literal["stream", "echo"]
 """When the board sends its state, from the first command on: at 500 Hz, or only in those
 periods of 500 Hz in which a command came. Which of the two the A1 does is not published."""
@@ -25,12 +26,16 @@ LARGEST_DATAGRAM = 2048
 
 
 class Stop:
-    """Set by SIGTERM and SIGINT."""
+    """A wish to end."""
 
     def __init__(self) -> None:
         self.wanted = False
+
+    def on_signals(self) -> "Stop":
+        """Set by SIGTERM and SIGINT from now on; returns itself."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._set)
+        return self
 
     def _set(self, *_: object) -> None:
         self.wanted = True
@@ -58,12 +63,14 @@ def serve(emulator: Emulator, sock: socket.socket, reply: Reply, stop: Stop) -> 
     while not stop.wanted:
         deadline += PERIOD_NS
         accepted = emulator.accepted
-        peer = _commands(emulator, sock, deadline) or peer
+        peer = _commands(emulator, sock, deadline, peer is not None) or peer
         if peer is None:
             started = deadline
             continue
         if reply == "stream" or emulator.accepted > accepted:
-            sock.sendto(emulator.state_datagram(), peer)
+            emulator.from_robot.send(emulator.state_datagram(), emulator.now_ms)
+        for datagram, _ in emulator.from_robot.arrived(emulator.now_ms):
+            sock.sendto(datagram, peer)
         emulator.advance(PERIOD_MS, deadline)
         if time.monotonic_ns() - deadline > LARGEST_LAG_NS:
             deadline = time.monotonic_ns()
@@ -81,15 +88,24 @@ def save(emulator: Emulator, path: Path, realtime_factor: float) -> None:
     np.savez_compressed(path, truth=emulator.truth(), counters=json.dumps(counters))
 
 
-def _commands(emulator: Emulator, sock: socket.socket, deadline_ns: int) -> tuple[str, int] | None:
-    """Feed datagrams until the deadline; returns the sender of the last good one."""
+def _commands(
+    emulator: Emulator, sock: socket.socket, deadline_ns: int, running: bool
+) -> Address | None:
+    """Feed datagrams until the deadline; returns the sender of the last good one.
+
+    ``running``: the robot's time passes. Without it the network would hold a datagram forever.
+    """
     peer = None
     while True:
         left = deadline_ns - time.monotonic_ns()
-        if not select.select([sock], [], [], max(left, 0) * 1e-9)[0]:
-            return peer
-        datagram, sender = sock.recvfrom(LARGEST_DATAGRAM)
-        if emulator.receive(datagram):
-            peer = sender
-        if left <= 0:
+        came = select.select([sock], [], [], max(left, 0) * 1e-9)[0]
+        if came:
+            datagram, sender = sock.recvfrom(LARGEST_DATAGRAM)
+            if running:
+                emulator.to_robot.send(datagram, emulator.now_ms, sender)
+            elif emulator.receive(datagram):
+                peer = sender
+        for datagram, sender in emulator.to_robot.arrived(emulator.now_ms):
+            peer = sender if emulator.receive(datagram) else peer
+        if left <= 0 or not came:
             return peer

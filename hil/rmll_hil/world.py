@@ -11,6 +11,7 @@ from mujoco import MjData, MjModel, MjSpec
 from numpy.typing import NDArray
 
 from rmll_robots import Robot
+from rmll_robots.ground import Field, lay
 
 STEP_MS = 1
 """[ms] of one physics step"""
@@ -20,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class World:
-    """A robot on a floor. All arrays are live views of MuJoCo's state; joints are (12,).
+    """A robot on its ground. All arrays are live views of MuJoCo's state; joints are (12,).
 
     The sensors lag the state by one physics step, as MuJoCo evaluates them before it integrates.
     """
@@ -42,12 +43,15 @@ class World:
     foot_load: Array
     """[N] normal force on each foot, (4,)"""
     base_contact: Array
-    """Contacts between the trunk and the floor, (1,)"""
+    """Contacts between the trunk and the ground, (1,)"""
 
 
-def load(robot: Robot, friction: float) -> World:
-    """The robot lying on its floor; ``friction`` is the sliding coefficient of every surface."""
+def load(robot: Robot, friction: float, field: Field | None = None) -> World:
+    """The robot lying in the middle of ``field``, or on a flat floor; ``friction`` is the sliding
+    coefficient of every surface."""
     spec = MjSpec.from_file(str(robot.scene))
+    if field is not None:
+        lay(spec, field)
     spec.add_sensor(
         name="base_contact",
         type=mujoco.mjtSensor.mjSENS_CONTACT,
@@ -70,6 +74,7 @@ def load(robot: Robot, friction: float) -> World:
     _servos(model)
     data = MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("lying").id)
+    data.qpos[2] += field.middle if field is not None else 0.0
     mujoco.mj_forward(model, data)
     return World(
         model,
@@ -85,6 +90,11 @@ def load(robot: Robot, friction: float) -> World:
         ],
         base_contact=data.sensor("base_contact").data,
     )
+
+
+def push(world: World, velocity: tuple[float, float]) -> None:
+    """Change the base's velocity at once, along the world's x and y [m/s]."""
+    world.data.qvel[:2] += velocity
 
 
 def _servos(model: MjModel) -> None:

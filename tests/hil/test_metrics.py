@@ -22,7 +22,7 @@ def walk(fault: str | None = None, walked: bool = True) -> Outcome:
     truth["yaw_rate"] = 0.2
     truth["energy"] = 50 * seconds
     log = [
-        {"t_ns": str(t), "vx": "0.5", "wz": "0.2", "mode": "walking"}
+        {"t_ns": t, "vx": 0.5, "wz": 0.2, "mode": "walking"}
         for t in range(START, END + 1, SECOND // 50)
     ]
     report = {
@@ -32,9 +32,11 @@ def walk(fault: str | None = None, walked: bool = True) -> Outcome:
         "adherence": 0.9,
         "off_spec_contact": 0.1,
         "fault": fault,
+        "warnings": [],
         "tick_us": None,
         "wake_us": None,
         "rss_mb": None,
+        "pace": None,
         "packets": {"sent": 1, "received": 1, "rejected": 0, "lost": 0},
     }
     return Outcome(report, log, truth, 1.0)
@@ -67,8 +69,8 @@ def test_the_first_second_is_not_judged() -> None:
 def test_errors_follow_a_command_that_changes() -> None:
     outcome = walk()
     for row in outcome.log:
-        if int(row["t_ns"]) >= 9 * SECOND:
-            row["vx"] = "-0.1"
+        if row["t_ns"] >= 9 * SECOND:
+            row["vx"] = -0.1
     # 4 of 9 judged seconds at 0.1 m/s off, 5 at 0.5 m/s
     assert summary(outcome, "trot", A1)["vx_error"] == pytest.approx((0.4 + 2.5) / 9, rel=0.01)
 
@@ -76,7 +78,7 @@ def test_errors_follow_a_command_that_changes() -> None:
 @pytest.mark.parametrize("fault", [None, "tilted while it sat down"])
 def test_falls_are_counted_while_walking_only(fault: str | None) -> None:
     outcome = walk(fault)
-    outcome.log.append(outcome.log[-1] | {"t_ns": str(END + SECOND), "mode": "sitting_down"})
+    outcome.log.append(outcome.log[-1] | {"t_ns": END + SECOND, "mode": "sitting_down"})
     for start, end in [(0.0, 1.0), (6.0, 7.0), (8.0, 8.1), (15.0, 20.0)]:
         ground(outcome, start, end)
     assert summary(outcome, "trot", A1)["falls"] == 2

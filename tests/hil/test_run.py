@@ -35,23 +35,30 @@ def run(*flags: object, cwd: Path) -> tuple[int, str, str]:
 
 
 def test_real_time_over_udp(standing: Path, tmp_path: Path) -> None:
-    flags = ("--policy", standing, "--seconds", 1.5, "--vx", 0, "--json", "--out", "here")
+    # shorter than the ten c_f after which a policy that makes no transition has to stand
+    flags = ("--policy", standing, "--seconds", 0.7, "--vx", 0, "--json", "--out", "here")
     code, stdout, stderr = run(*flags, cwd=tmp_path)
     assert code == 0, stderr
     figures = json.loads(stdout)
     assert set(FIGURES) <= set(figures)
-    assert figures["seconds"] == pytest.approx(1.5, abs=0.1)
+    assert figures["seconds"] == pytest.approx(0.7, abs=0.1)
     assert (figures["falls"], figures["fault"]) == (0, None)
     assert list(figures["tick_us"]) == list(figures["wake_us"]) == ["p50", "p99", "p999", "max"]
     assert figures["packets"]["received"] > 500
     assert figures["packets"]["rejected"] == 0
     assert json.loads((tmp_path / "here" / "summary.json").read_text()) == figures
     assert (tmp_path / "here" / "contact.png").stat().st_size > 1000
+    replayed = subprocess.run(
+        [sys.executable, "-m", "rmll_hil.cli", "replay", "here/run.mcap", "--policy", standing],
+        cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    assert replayed.returncode == 0, replayed.stderr
+    assert replayed.stdout.endswith(" s, 0 different\n")
     with (tmp_path / "here" / "run.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     walking = [row for row in rows if row["mode"] == "walking"]
     halt = Motion().slow_down  # on the spot, before it sits down
-    assert len(walking) == pytest.approx(50 * (1.5 + halt), abs=5)
+    assert len(walking) == pytest.approx(50 * (0.7 + halt), abs=5)
     # both sides' clocks agree: standing, by the daemon's account and in truth
     assert all(float(row["true_z"]) > 0.25 for row in walking)
 
@@ -64,6 +71,15 @@ def test_lockstep_prints_the_same_twice_and_keeps_old_runs(standing: Path, tmp_p
     assert len(list((tmp_path / "hil-runs").glob("trot-*/summary.json"))) == 2
 
 
+def test_a_fault_plan_is_carried_out(standing: Path, tmp_path: Path) -> None:
+    (tmp_path / "plan.yaml").write_text("- {fault: frozen, at: 4}")
+    flags = ("--seconds", 2, "--vx", 0, "--lockstep", "--faults", "plan.yaml", "--json")
+    code, stdout, stderr = run("--policy", standing, *flags, cwd=tmp_path)
+    assert code == 1
+    assert json.loads(stdout)["fault"].startswith("no state from the robot for 55 ms")
+    assert "the robot went into damping: no state" in stderr
+
+
 @pytest.mark.parametrize(
     ("flags", "complaint"),
     [
@@ -72,6 +88,7 @@ def test_lockstep_prints_the_same_twice_and_keeps_old_runs(standing: Path, tmp_p
         (("--frequency", 99), "--frequency 99: this gait was trained for 6 to 12"),
         (("--seed", -1), "seed is -1, expected at least 0"),
         (("--seconds", 0), "--seconds 0: expected more than 0"),
+        (("--faults", "none.yaml"), "none.yaml: No such file or directory"),
         (("--out", "."), ". exists already; a run needs a new folder"),
     ],
 )
@@ -85,7 +102,7 @@ def test_wrong_input_is_one_line(
 
 def test_what_ails_the_daemon_is_passed_on(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^none\.onnx: No such file"):
-        realtime.walk(["--policy", "none.onnx"], Settings(), tmp_path, lambda _: None)
+        realtime.walk(["--policy", "none.onnx"], Settings(), tmp_path / "run.mcap", lambda _: None)
 
 
 def test_an_interrupted_run_leaves_nothing_behind(standing: Path, tmp_path: Path) -> None:

@@ -89,6 +89,17 @@ def test_answers_whoever_commanded_last(client: socket.socket) -> None:
         receive(other, 1)
 
 
+def test_a_fault_plan_is_carried_out(client: socket.socket, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.yaml"
+    plan.write_text("- {fault: network, direction: from_robot, loss: 1}")
+    with server("--faults", str(plan)) as (process, address):
+        client.settimeout(0.3)
+        client.sendto(BRAKE, address)
+        with pytest.raises(TimeoutError):
+            client.recv(2048)
+        assert process.poll() is None
+
+
 def test_a_busy_port_is_one_line() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))

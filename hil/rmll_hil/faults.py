@@ -1,0 +1,236 @@
+"""The fault plan: what goes wrong on the emulated robot and on its network, and when.
+
+A plan is a YAML list. Every entry names its fault, begins ``at`` so many seconds of the robot's own
+clock (which starts with the first command) and lasts ``seconds``, or to the end::
+
+    - {fault: network, loss: 0.01, jitter_ms: 5, duplicates: 0.01, reorder: 0.01}
+    - {fault: push, at: 6, seconds: 0.1, force: [0, 150, 0]}
+    - {fault: stuck_joint, at: 8, joint: FR_calf_joint}
+"""
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal, get_args
+
+import msgspec
+import yaml
+from msgspec import Meta
+
+from rmll_gaits.errors import InputError
+from rmll_onboard.remote import Button
+from rmll_robots import Robot
+
+MAX_BYTES = 100_000
+MAX_FAULTS = 1000
+
+Share = Annotated[float, Meta(ge=0, le=1)]
+Millis = Annotated[float, Meta(ge=0, le=10_000)]
+Number = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Stick = Annotated[float, Meta(ge=-1, le=1)]
+Vector = tuple[Number, Number, Number]
+Wild = Annotated[float, Meta(ge=-3e38, le=3e38)]
+"""What 32 bits can hold"""
+
+
+def _snake_case(name: str) -> str:
+    return "".join(f"_{c.lower()}" if c.isupper() else c for c in name).lstrip("_")
+
+
+class Fault(
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    forbid_unknown_fields=True,
+    tag_field="fault",
+    tag=_snake_case,
+):
+    """What all faults have."""
+
+    at: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+    """[s] of the robot's clock"""
+    seconds: Annotated[float, Meta(gt=0, le=1e6)] | None = None
+    """[s], None: to the end"""
+
+    def active(self, now_ms: int) -> bool:
+        """Whether it is there at ``now_ms`` of the robot's clock."""
+        end = math.inf if self.seconds is None else self.at + self.seconds
+        return self.at * 1000 <= now_ms < end * 1000
+
+
+class Network(Fault, frozen=True):
+    """What happens to datagrams on their way. A loss of 1 from the robot is a board gone silent."""
+
+    direction: Literal["both", "to_robot", "from_robot"] = "both"
+    loss: Share = 0.0
+    """Share that never arrives"""
+    duplicates: Share = 0.0
+    """Share that arrives twice"""
+    reorder: Share = 0.0
+    """Share held back so long that others overtake it"""
+    corrupt: Share = 0.0
+    """Share with some bits flipped, or with its end cut off"""
+    delay_ms: Millis = 0.0
+    jitter_ms: Millis = 0.0
+    """Up to so much more delay, each datagram's own, so that they overtake each other too"""
+
+
+class Frozen(Fault, frozen=True):
+    """The board sends its last state again and again."""
+
+    clock_runs: bool = False
+    """With a tick that goes on"""
+
+
+class _Joint(Fault, frozen=True):
+    joint: str
+
+
+class StuckJoint(_Joint, frozen=True):
+    """The joint's encoder stands still, its speed reads 0."""
+
+
+class NanJoint(_Joint, frozen=True):
+    """The joint's angle is no number."""
+
+
+class WrongJoint(_Joint, frozen=True):
+    """The joint's sensors are off by so much."""
+
+    q: Number = 0.0
+    """[rad]"""
+    dq: Number = 0.0
+    """[rad/s]"""
+    tau: Number = 0.0
+    """[N·m]"""
+
+
+class HotJoint(_Joint, frozen=True):
+    """The motor gets warmer."""
+
+    rate: Annotated[float, Meta(ge=0, le=1000)]
+    """[°C/s]"""
+
+
+class BrakedJoint(_Joint, frozen=True):
+    """The board takes the motor out of service; it brakes.
+
+    Mode 8 is what an A1 was seen to report then (SDK issue 54).
+    """
+
+    mode: Annotated[int, Meta(ge=0, le=255)] = 8
+
+
+class FlippedImu(Fault, frozen=True):
+    """The orientation is that of a robot on its back."""
+
+
+class WrongGyro(Fault, frozen=True):
+    """The gyroscope is off by so much."""
+
+    rate: tuple[Wild, Wild, Wild]
+    """[rad/s]"""
+
+
+class DeadFoot(Fault, frozen=True):
+    """The foot's force sensor reads the same whatever the load."""
+
+    foot: str
+    reads: Annotated[int, Meta(ge=-32768, le=32767)] = 0
+
+
+class Push(Fault, frozen=True):
+    """A force on the middle of the trunk, in the world's directions."""
+
+    force: Vector
+    """[N]"""
+
+
+class Kick(Fault, frozen=True):
+    """The base's velocity changes at once; ``seconds`` has no meaning here."""
+
+    velocity: tuple[Number, Number]
+    """[m/s], along the world's x and y"""
+
+
+class OtherCommander(Fault, frozen=True):
+    """Somebody else commands the board too, at 500 Hz: the legs into a pose."""
+
+    pose: Literal["stand", "crouch"] = "stand"
+    kp: Annotated[float, Meta(ge=0, le=500)] = 60.0
+    kd: Annotated[float, Meta(ge=0, le=20)] = 3.0
+
+
+class Remote(Fault, frozen=True):
+    """Buttons and sticks of the wireless remote; released while no entry holds them."""
+
+    buttons: tuple[str, ...] = ()
+    lx: Stick = 0.0
+    ly: Stick = 0.0
+    rx: Stick = 0.0
+    ry: Stick = 0.0
+
+
+class RemoteLost(Fault, frozen=True):
+    """The remote's bytes are all zero."""
+
+
+AnyFault = (
+    Network | Frozen | StuckJoint | NanJoint | WrongJoint | HotJoint | BrakedJoint | FlippedImu
+    | WrongGyro | DeadFoot | Push | Kick | OtherCommander | Remote | RemoteLost
+)  # fmt: skip
+Plan = tuple[AnyFault, ...]
+
+KINDS: dict[str, type[Fault]] = {_snake_case(kind.__name__): kind for kind in get_args(AnyFault)}
+
+
+def load_plan(path: Path, robot: Robot) -> Plan:
+    """Read and check a fault plan; raises InputError for whatever is wrong with it."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    if len(text) > MAX_BYTES:
+        raise InputError(f"{path}: larger than {MAX_BYTES} bytes, not a fault plan")
+    try:
+        plain = yaml.safe_load(text)
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: {' '.join(str(error).split())}") from error
+    try:
+        return parse_plan(plain, robot)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def parse_plan(plain: object, robot: Robot) -> Plan:
+    """The plan that plain lists and dictionaries stand for; raises InputError."""
+    plain = [] if plain is None else plain
+    if not isinstance(plain, list) or len(plain) > MAX_FAULTS:
+        raise InputError(f"expected a list of at most {MAX_FAULTS} faults")
+    return tuple(_fault(entry, f"fault {count}", robot) for count, entry in enumerate(plain, 1))
+
+
+def _fault(entry: object, where: str, robot: Robot) -> AnyFault:
+    kind = entry.get("fault") if isinstance(entry, dict) else None
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise InputError(f"{where}: fault is {kind!r}, expected one of {', '.join(KINDS)}")
+    try:
+        fault = msgspec.convert(entry, AnyFault)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{where} ({kind}): {error}") from error
+    wrong = {
+        "joint": (set(_listed(fault, "joint")), robot.joint_names),
+        "foot": (set(_listed(fault, "foot")), robot.foot_names),
+        "button": (set(_listed(fault, "buttons")), tuple(Button.__members__)),
+    }
+    for name, (found, known) in wrong.items():
+        if strange := found - set(known):
+            raise InputError(
+                f"{where} ({kind}): {name} {min(strange)!r}, expected one of {', '.join(known)}"
+            )
+    return fault
+
+
+def _listed(fault: Fault, name: str) -> tuple[str, ...]:
+    value = getattr(fault, name, ())
+    return (value,) if isinstance(value, str) else value

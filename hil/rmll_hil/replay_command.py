@@ -1,0 +1,66 @@
+"""``rmll-hil replay``: a log through today's daemon, and what came out."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+from rich.table import Table
+
+from rmll_gaits.errors import Failure
+from rmll_hil.replay import Difference, Replay, find_bundle, replay
+from rmll_onboard.bundle import load_bundle
+from rmll_onboard.flight_log import FlightLog
+
+SHOWN = 12
+"""Fields of a difference that are shown; --json has them all"""
+
+
+def replay_command(log: Path, policy: Path | None, policies: Path, print_json: bool) -> None:
+    """Arguments as the command's. Raises Failure, after all is printed, unless all is the same."""
+    flight = FlightLog(log)
+    bundle = load_bundle(policy or find_bundle(flight, policies))
+    messages = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} ticks"))
+    with Progress(*columns, console=messages, transient=True) as bar:
+        task = bar.add_task("replay", total=None)
+        found = replay(flight, bundle, lambda ticks: bar.update(task, completed=ticks))
+    if print_json:
+        print(json.dumps(asdict(found) | {"identical": found.identical}))
+    else:
+        _show(found)
+    if not found.identical:
+        raise Failure(_verdict(found))
+
+
+def _show(found: Replay) -> None:
+    console = Console(highlight=False)
+    console.print(f"{found.ticks} ticks, {found.seconds:.2f} s, {found.different} different")
+    if not found.complete:
+        console.print("the log was cut short; what is in it was replayed")
+    if found.first:
+        console.print(_table(found.first))
+        for remark in found.remarks:
+            console.print(remark, soft_wrap=True)
+
+
+def _table(first: Difference) -> Table:
+    title = f"first difference: tick {first.tick}, {first.seconds:.3f} s, {first.mode}"
+    table = Table("field", "recorded", "replayed", title=title, box=None)
+    for field in first.fields[:SHOWN]:
+        table.add_row(field.name, field.recorded, field.replayed)
+    if len(first.fields) > SHOWN:
+        table.caption = f"and {len(first.fields) - SHOWN} more"
+    return table
+
+
+def _verdict(found: Replay) -> str:
+    verdict = []
+    if found.first:
+        verdict.append(
+            f"{found.different} of {found.ticks} datagrams differ, first at tick {found.first.tick}"
+        )
+    if found.missing is not None:
+        verdict.append(f"tick {found.missing} is missing in the log, the replay ends there")
+    return "; ".join(verdict + (found.remarks if found.first else []))

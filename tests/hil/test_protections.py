@@ -1,0 +1,191 @@
+"""Every protection, provoked in the emulator through the daemon's own code, in lockstep.
+
+The same faults over UDP and in real time: ``test_fault_table.py``.
+"""
+
+import socket
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rmll_hil import broken_policy, lockstep, metrics
+from rmll_hil.emulator import Emulator, Settings
+from rmll_hil.fault_rows import BEGIN, ROWS, Reaction, Row
+from rmll_hil.fault_table import MOTION
+from rmll_hil.faults import parse_plan
+from rmll_hil.outcome import Outcome
+from rmll_onboard import a1_wire
+from rmll_onboard import settings as onboard
+from rmll_onboard.bundle import Bundle, load_bundle
+from rmll_onboard.daemon import Daemon
+from rmll_onboard.link import UdpLink
+from rmll_onboard.pilot import FlagPilot, Pilot, RemotePilot
+from rmll_onboard.settings import Motion, Safety
+from rmll_onboard.supervisor import Mode
+from rmll_robots import A1
+
+TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
+BEGIN_NS = int(BEGIN * 1e9)
+
+
+@pytest.fixture(scope="module")
+def trot() -> Bundle:
+    return load_bundle(TROT)
+
+
+class Ending:
+    """A pilot whose program ends some time after the fault."""
+
+    def __init__(self, pilot: Pilot, emulator: Emulator) -> None:
+        self._pilot, self._emulator = pilot, emulator
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._pilot, name)
+
+    def finished(self, mode: Mode, fault: str | None) -> bool:
+        return self._emulator.now_ms > 5000 or self._pilot.finished(mode, fault)
+
+
+def walk(bundle: Bundle, row: Row) -> Outcome:
+    commands = bundle.table.commands
+    pilot = RemotePilot(commands, 9) if row.remote else FlagPilot(commands, 0.4)
+    emulator = Emulator(plan=parse_plan(list(row.plan), A1))
+    settings = onboard.Settings(motion=Motion(**MOTION), safety=Safety(**row.settings))
+    return lockstep.walk(
+        emulator, bundle, Ending(pilot, emulator), lambda _: None, settings=settings
+    )
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if not row.signals], ids=lambda row: row.name)
+def test_a_fault_has_its_reaction(row: Row, trot: Bundle, tmp_path: Path) -> None:
+    if row.answer is not None:
+        broken_policy.write(tmp_path / "broken.onnx", TROT, row.answer)
+        trot = load_bundle(tmp_path / "broken.onnx")
+    outcome = walk(trot, row)
+    before = {line["mode"] for line in outcome.log if BEGIN_NS - 5e8 < line["t_ns"] < BEGIN_NS}
+    assert before == {Mode.WALKING}
+    fault, warnings = outcome.report["fault"], outcome.report["warnings"]
+    assert row.words in (fault or "; ".join(warnings))
+    last = outcome.log[-1]["mode"]
+    match row.reaction:
+        case Reaction.DAMPS:
+            assert fault is not None
+            held_up = any(entry["fault"] == "other_commander" for entry in row.plan)
+            assert held_up or outcome.truth["position"][-1, 2] < 0.2  # it sank down
+        case Reaction.WALKS:
+            assert (fault, last) == (None, Mode.WALKING)
+        case Reaction.STANDS:
+            assert (fault, last) == (None, Mode.STANDING)
+        case Reaction.SITS:
+            assert (fault, last) == (None, Mode.DAMPING)
+            assert Mode.SITTING_DOWN in {line["mode"] for line in outcome.log}
+
+
+def steady(
+    bundle: Bundle, seconds: float, seed: int = 0, **network: float
+) -> dict[str, float | str | None]:
+    """The figures of a trot over a bad network."""
+    plan = parse_plan([{"fault": "network", **network}], A1)
+    pilot = FlagPilot(bundle.table.commands, 0.5, seconds=seconds)
+    emulator = Emulator(Settings(seed=seed), plan=plan)
+    outcome = lockstep.walk(emulator, bundle, pilot, lambda _: None)
+    return metrics.summary(outcome, "trot", A1)
+
+
+def test_a_minute_over_a_bad_network(trot: Bundle) -> None:
+    figures = steady(trot, 60, loss=0.01, jitter_ms=5, duplicates=0.01, reorder=0.01)
+    assert (figures["fault"], figures["falls"]) == (None, 0)
+    assert figures["seconds"] == 60
+    assert figures["adherence"] >= 0.9
+    assert figures["packets"]["lost"] > 100
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_with_a_fifth_lost_it_walks_or_damps(trot: Bundle, seed: int) -> None:
+    figures = steady(trot, 10, seed, loss=0.2, jitter_ms=5, duplicates=0.05, reorder=0.05)
+    if figures["fault"] is None:
+        assert figures["falls"] == 0
+        assert figures["adherence"] >= 0.8
+    else:
+        assert "no state" in figures["fault"]
+
+
+class Hostile:
+    """Makes datagrams that must not be believed."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._heard: list[bytes] = []
+
+    def datagrams(self, good: bytes, count: int) -> list[bytes]:
+        makers: list[Callable[[bytes], bytes]] = [
+            self._random, self._truncated, self._flipped, self._replayed, self._tomorrow
+        ]  # fmt: skip
+        self._heard.append(good)
+        choices = self._rng.integers(len(makers), size=count)
+        return [makers[choice](good) for choice in choices]
+
+    def _random(self, good: bytes) -> bytes:
+        size = self._rng.choice([0, 1, len(good), 1400])
+        return self._rng.bytes(int(size))
+
+    def _truncated(self, good: bytes) -> bytes:
+        return good[: self._rng.integers(len(good))]
+
+    def _flipped(self, good: bytes) -> bytes:
+        bit = int(self._rng.integers(8 * 764))  # the rest is not under the checksum
+        bits = int.from_bytes(good, "little") ^ 1 << bit
+        return bits.to_bytes(len(good), "little")
+
+    def _replayed(self, good: bytes) -> bytes:
+        return self._heard[self._rng.integers(len(self._heard))]
+
+    def _tomorrow(self, good: bytes) -> bytes:
+        """A whole state of another day."""
+        state = a1_wire.decode_state(good)
+        state.tick = int(self._rng.integers(state.tick + 5000, 2**32))
+        state.q[:] = 0
+        return a1_wire.encode_state(state)
+
+
+def test_a_hundred_thousand_hostile_datagrams(trot: Bundle) -> None:
+    """Real sockets, so that those of a stranger are among them; time in lockstep."""
+    rng = np.random.default_rng(0)
+    hostile, sent = Hostile(rng), 0
+    pilot = FlagPilot(trot.table.commands, 0.5, seconds=12)
+    daemon = Daemon(trot, onboard.Settings(motion=Motion(**MOTION)), pilot)
+    emulator = Emulator()
+    board, stranger = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    with board, stranger:
+        board.bind(("127.0.0.1", 0))
+        link = UdpLink("127.0.0.1:{}".format(*board.getsockname()[1:]))
+        link.send(b"hello")
+        _, daemon_address = board.recvfrom(100)
+        ticks = []
+        while not daemon.finished:
+            now = emulator.now_ms * 1_000_000
+            emulator.receive(daemon.tick(now, link.receive()))
+            ticks.append(daemon.intake.state.tick)
+            emulator.advance(5, now)
+            good = emulator.state_datagram()
+            # whoever speaks first is believed; from then on they are many
+            batch = hostile.datagrams(good, 40 if len(ticks) > 10 else 0)
+            place = rng.integers(len(batch) + 1)
+            for datagram in (*batch[:place], good, *batch[place:]):
+                board.sendto(datagram, daemon_address)
+            stranger.sendto(bytes(len(good)), daemon_address)
+            stranger.sendto(good, daemon_address)
+            sent += len(batch) + 2
+        link.close()
+    assert sent > 100_000
+    assert (daemon.fault, daemon.report()["warnings"]) == (None, [])
+    assert daemon.report()["adherence"] > 0.9
+    assert not emulator.truth()["grounded"][400:-400].any()
+    # one good state a tick, and nothing else was believed
+    assert daemon.intake.received == len(ticks) - 1
+    assert all(b - a == 5 for a, b in pairwise(ticks[1:]))
+    # a state twice, or an old one, is not even looked at beside a good one
+    assert daemon.intake.refused.total() > 10_000

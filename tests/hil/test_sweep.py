@@ -1,0 +1,52 @@
+"""c_f up and down while walking, as the paper did on hardware."""
+
+from pathlib import Path
+
+import pytest
+
+from rmll_hil import lockstep, sweep
+from rmll_hil.emulator import Emulator, Settings
+from rmll_hil.outcome import column
+from rmll_onboard.bundle import load_bundle
+from rmll_onboard.pilot import FlagPilot
+from rmll_onboard.settings import Steering
+
+TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
+
+
+@pytest.mark.skipif(not TROT.exists(), reason="policies/trot.onnx is not there")
+def test_the_trot_follows_c_f_from_12_to_6_and_back(tmp_path: Path) -> None:
+    bundle = load_bundle(TROT)
+    values, seconds = (12.0, 6.0, 12.0), 12.0
+    pilot = FlagPilot(bundle.table.commands, 0.5, 0.0, values, seconds)
+    outcome = lockstep.walk(Emulator(Settings(seed=2)), bundle, pilot, lambda _: None)
+    assert outcome.report["fault"] is None
+    found = sweep.phases(outcome, bundle.table, values, seconds)
+    assert [phase["frequency"] for phase in found] == list(values)
+    assert all(phase["adherence"] > 0.9 for phase in found)
+    slow, fast, again = (phase["transitions"] for phase in found)
+    assert fast > 1.4 * max(slow, again)
+    told = column([row for row in outcome.log if row["mode"] == "walking"], "frequency")
+    assert (told.min(), told.max()) == (6, 12)
+    steps = abs(told[1:] - told[:-1])
+    assert 0 < steps.max() <= Steering().frequency / 50 + 1e-9
+    sweep.draw(tmp_path / "frequency.png", outcome, found, "trot")
+    assert (tmp_path / "frequency.png").stat().st_size > 10_000
+
+
+def test_a_walk_that_ends_early_has_figures_of_what_it_reached(standing: Path) -> None:
+    bundle = load_bundle(standing)
+    emulator = Emulator()
+
+    def kick(seconds: float) -> None:
+        if seconds > 5:
+            emulator.world.data.qvel[3] = 8.0  # roll
+
+    values = (12.0, 6.0, 12.0)
+    pilot = FlagPilot(bundle.table.commands, frequency=values, seconds=3.0)
+    outcome = lockstep.walk(emulator, bundle, pilot, kick)
+    assert outcome.report["fault"]
+    found = sweep.phases(outcome, bundle.table, values, 3.0)
+    assert [phase["frequency"] for phase in found] == [12.0, 6.0]
+    assert found[0]["seconds"] == pytest.approx(1.0)
+    assert found[1]["seconds"] < 0.7
