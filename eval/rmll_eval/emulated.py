@@ -1,42 +1,68 @@
 """Walks through the real daemon in the emulator, several at a time."""
 
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
+from rmll_eval.conditions import Conditions, Push, pushes
 from rmll_eval.trial import Trial
 from rmll_eval.walk import Walk
 from rmll_hil import lockstep
 from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.metrics import summary
+from rmll_hil.world import World, push
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.pilot import FlagPilot
 
 
-def walks(bundle: Path, trials: Sequence[Trial], seconds: float, jobs: int) -> Iterator[Walk]:
+def walks(
+    bundle: Path, trials: Sequence[Trial], seconds: float, conditions: Conditions, jobs: int
+) -> Iterator[Walk]:
     """The walks of ``trials`` in their order, as they come, ``jobs`` at a time.
 
     Each is a world of its own with its own seed, so the number of jobs changes nothing else.
     """
+    walk_one = partial(walk, bundle, seconds, conditions)
     if jobs == 1:
-        yield from map(partial(walk, bundle, seconds), trials)
+        yield from map(walk_one, trials)
         return
     # spawned, for a fork would copy the threads of onnxruntime in an undefined state
     with ProcessPoolExecutor(jobs, get_context("spawn"), _leave_stopping_to_the_parent) as pool:
-        yield from pool.map(partial(walk, bundle, seconds), trials)
+        yield from pool.map(walk_one, trials)
 
 
-def walk(bundle: Path, seconds: float, trial: Trial) -> Walk:
+def settings(conditions: Conditions, seed: int) -> Settings:
+    """Of the emulated robot; raises InputError for a level that there is not."""
+    chosen = Settings(seed=seed, ground=conditions.ground, level=conditions.level)
+    chosen.check()
+    return chosen
+
+
+def walk(bundle: Path, seconds: float, conditions: Conditions, trial: Trial) -> Walk:
     """Stand up, walk for ``seconds``, sit down."""
     loaded = load_bundle(bundle)
-    emulator = Emulator(Settings(seed=trial.seed), robot=loaded.robot)
+    emulator = Emulator(settings(conditions, trial.seed), robot=loaded.robot)
     pilot = FlagPilot(loaded.table.commands, trial.vx, trial.wz, trial.frequency, seconds)
-    outcome = lockstep.walk(emulator, loaded, pilot, lambda _: None)
+    planned = pushes(trial.seed, seconds) if conditions.pushes else []
+    outcome = lockstep.walk(emulator, loaded, pilot, _pushing(emulator.world, planned))
     found = summary(outcome, loaded.contract.gait, loaded.robot)
     return Walk(trial, **{name: found[name] for name in Walk.__dataclass_fields__ if name in found})
+
+
+def _pushing(world: World, planned: list[Push]) -> Callable[[float], None]:
+    """To be called with the robot's time [s] at each policy step; the first is walking's start."""
+    start: float | None = None
+
+    def step(now: float) -> None:
+        nonlocal start
+        start = now if start is None else start
+        while planned and now - start >= planned[0].at:
+            push(world, planned.pop(0).velocity)
+
+    return step
 
 
 def _leave_stopping_to_the_parent() -> None:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from rmll_eval.conditions import Conditions
 from rmll_eval.paper import FLAT, Reference
 from rmll_eval.walk import ENERGY, METRICS, Walk, fallen, faulted, mean, worst
 
@@ -22,6 +23,7 @@ class Evaluation:
     seconds: float
     """of each walk"""
     seed: int
+    conditions: Conditions
     walks: Sequence[Walk]
 
     @property
@@ -29,14 +31,15 @@ class Evaluation:
         count = len(self.walks)
         plural = "s" if count > 1 else ""
         return (
-            f"{self.gait} {_WORLDS[self.world]}: {count} walk{plural} of {self.seconds:g} s, "
-            f"{fallen(self.walks)} with a fall"
+            f"{self.gait} {_WORLDS[self.world]}{self.conditions.title}: {count} walk{plural} of "
+            f"{self.seconds:g} s, {fallen(self.walks)} with a fall"
         )
 
     @property
     def reference(self) -> Reference | None:
-        """The paper's energy of this gait, None for a gait that it does not have."""
-        return FLAT.get(self.gait)
+        """The paper's energy of this gait on flat ground, None on other ground and for a gait that
+        it does not have."""
+        return FLAT.get(self.gait) if self.conditions.ground == "flat" else None
 
     def at_the_papers_speeds(self) -> list[Walk]:
         """Walks with a speed at which the paper measured this gait's energy."""
@@ -65,6 +68,7 @@ class Evaluation:
             "world": self.world,
             "seconds": self.seconds,
             "seed": self.seed,
+            **asdict(self.conditions),
             "episodes": len(walks),
             "falls": fallen(walks),
             "faults": faulted(walks),

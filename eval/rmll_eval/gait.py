@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from rmll_eval import emulated, policy
+from rmll_eval.conditions import Conditions
 from rmll_eval.evaluation import Evaluation
 from rmll_eval.extra import needs
 from rmll_eval.picture import picture
@@ -32,6 +33,7 @@ def gait(
     name: Annotated[str, tyro.conf.Positional],
     *,
     world: World = "emulator",
+    conditions: Annotated[Conditions, tyro.conf.OmitArgPrefixes] = Conditions(),  # noqa: B008 - frozen
     speeds: tuple[float, ...] = (),
     frequencies: tuple[float, ...] = (),
     repeats: int = 1,
@@ -51,12 +53,13 @@ def gait(
     walks with random commands, turns among them. They go through the daemon's own code in the
     emulator, or through the trainer's world (needs torch).
 
-    Example: rmll-eval gait trot --episodes 20
+    Example: rmll-eval gait trot --episodes 20 --ground rough --level 5 --pushes
 
     Args:
         name: A gait, a bundle (.onnx) or a checkpoint (.safetensors).
-        world: "emulator" is nearest to the robot; "trainer" has the noise, robots and pushes of
-            training on flat ground, and counts every early end of an episode as a fall.
+        world: "emulator" is nearest to the robot; "trainer" has the noise and robots of
+            training, and counts every early end of an episode as a fall.
+        conditions: What makes walking harder.
         speeds: Forward speeds of the grid [m/s]; 9 over the gait's range by default.
         frequencies: c_f of the grid [policy steps]; each whole one of the gait's by default.
         repeats: Walks in each cell of the grid.
@@ -78,6 +81,7 @@ def gait(
     _check_least(repeats=repeats, episodes=episodes, seconds=seconds, seed=seed, jobs=jobs)
     if not as_grid and (speeds or frequencies or out or repeats != 1):
         raise InputError("--episodes draws commands: it has no grid to shape, repeat or picture")
+    emulated.settings(conditions, seed)
     if out is not None and (out.suffix != ".png" or not out.parent.is_dir()):
         raise InputError(f"--out {out}: expected a .png file in a folder that exists")
     with tempfile.TemporaryDirectory(prefix="rmll-eval-") as scratch:
@@ -89,8 +93,10 @@ def gait(
             trials = grid(commands, speeds, frequencies, repeats, seed)
         else:
             trials = draw(commands, episodes, seed)
-        walks = list(_followed(_walks(world, path, trials, seconds, jobs), len(trials)))
-    evaluation = Evaluation(bundle.contract.gait, str(source), world, seconds, seed, walks)
+        walks = list(_followed(_walks(world, path, trials, seconds, conditions, jobs), len(trials)))
+    evaluation = Evaluation(
+        bundle.contract.gait, str(source), world, seconds, seed, conditions, walks
+    )
     if json:
         print(dumps(evaluation.to_dict()))
     else:
@@ -102,13 +108,18 @@ def gait(
 
 
 def _walks(
-    world: World, bundle: Path, trials: Sequence[Trial], seconds: float, jobs: int
+    world: World,
+    bundle: Path,
+    trials: Sequence[Trial],
+    seconds: float,
+    conditions: Conditions,
+    jobs: int,
 ) -> Iterator[Walk]:
     if world == "emulator":
-        return emulated.walks(bundle, trials, seconds, jobs)
+        return emulated.walks(bundle, trials, seconds, conditions, jobs)
     with needs("--world trainer", "train"):
         from rmll_eval import trained
-    return trained.walks(bundle, trials, seconds)
+    return trained.walks(bundle, trials, seconds, conditions)
 
 
 def _followed(walks: Iterable[Walk], total: int) -> Iterator[Walk]:

@@ -1,7 +1,7 @@
 """Walks in the trainer's world, all at once. Needs torch."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import msgspec
@@ -12,11 +12,13 @@ from tensordict import TensorDict
 from torch import Tensor, nn
 
 from rmll_contract.mirror import Mirror
+from rmll_eval.conditions import PUSH_INTERVAL, PUSH_VELOCITY, Conditions
 from rmll_eval.trial import Trial
 from rmll_eval.walk import Walk
 from rmll_gaits.errors import InputError
 from rmll_hil.metrics import cost_of_transport
 from rmll_onboard.bundle import Bundle, load_bundle
+from rmll_robots.ground import course
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import evaluate
 from rmll_train.folding import Reflected
@@ -24,18 +26,24 @@ from rmll_train.settings import Ground, World
 
 _SETTLING = 2.0
 """[s] by which an episode is longer than the walk, so that none ends during it for its age"""
+_ACTIVATIONS = {"Relu": nn.ReLU, "Elu": nn.ELU}
+"""Node types that a network's layers may have between them; the older bundles have Elu"""
 
 
-def walks(bundle: Path, trials: Sequence[Trial], seconds: float) -> Iterator[Walk]:
+def walks(
+    bundle: Path, trials: Sequence[Trial], seconds: float, conditions: Conditions
+) -> Iterator[Walk]:
     """One robot a trial, each with its own noise, friction, mass, delay and pushes, which all come
-    from the first trial's seed.
+    from the first trial's seed, as does the ground, which they share.
 
-    The world is that of the policy's training, its ground flat. Every early end of an episode
-    counts as a fall; the robot then starts anew.
+    The world is that of the policy's training under these ``conditions``. Every early end of an
+    episode counts as a fall; the robot then starts anew.
     """
     loaded = load_bundle(bundle)
     robot, hz = loaded.robot, loaded.robot.policy_hz
-    world = replace(_world(loaded), envs=len(trials), episode=seconds + _SETTLING, ground=Ground())
+    world = replace(
+        _under(conditions, _world(loaded)), envs=len(trials), episode=seconds + _SETTLING
+    )
     env = GaitEnv(loaded.table, robot, world, trials[0].seed)
     env.demands.strict = True  # whoever has learned the gait is measured by all of its rules
     env.fix_commands(torch.tensor([[t.vx, t.wz, t.frequency] for t in trials]))
@@ -61,7 +69,7 @@ def actor(bundle: Path) -> Callable[[TensorDict], Tensor]:
     """The bundle's graph, whose batch is fixed to one robot, for many: observation to action."""
     graph = onnx.load(bundle).graph
     weights = {w.name: torch.from_numpy(numpy_helper.to_array(w).copy()) for w in graph.initializer}
-    estimator, policy = _mlp(weights, "estimator"), _mlp(weights, "policy")
+    estimator, policy = _mlp(graph, weights, "estimator"), _mlp(graph, weights, "policy")
     scale = weights["estimate_scale"]
 
     def answer(own: Tensor) -> Tensor:
@@ -81,15 +89,40 @@ def _reflected(weights: dict[str, Tensor], name: str) -> Reflected:
     return Reflected(Mirror(weights[f"{name}.source"].numpy(), weights[f"{name}.sign"].numpy()))
 
 
-def _mlp(weights: dict[str, Tensor], name: str) -> nn.Sequential:
-    """Layers NAME.0, NAME.1, ... with ELU between them, as ``rmll_export.graph`` writes them."""
+def _mlp(graph: onnx.GraphProto, weights: dict[str, Tensor], name: str) -> nn.Sequential:
+    """The layers of one network and what is between them, as ``rmll_export.graph`` writes them:
+    nodes in their order, whose inputs begin with the network's name."""
     layers: list[nn.Module] = []
-    while (weight := weights.get(f"{name}.{len(layers) // 2}.weight")) is not None:
-        linear = nn.Linear(weight.shape[1], weight.shape[0])
-        bias = weights[f"{name}.{len(layers) // 2}.bias"]
-        linear.load_state_dict({"weight": weight, "bias": bias})
-        layers += [linear, nn.ELU()]
-    return nn.Sequential(*layers[:-1])
+    for node in graph.node:
+        if node.op_type == "Gemm" and node.input[1].startswith(f"{name}."):
+            weight, bias = (weights[key] for key in node.input[1:])
+            linear = nn.Linear(weight.shape[1], weight.shape[0])
+            linear.load_state_dict({"weight": weight, "bias": bias})
+            layers.append(linear)
+        elif node.input[0].startswith(f"{name}."):
+            layers.append(_activation(node.op_type))
+    return nn.Sequential(*layers)
+
+
+def _activation(kind: str) -> nn.Module:
+    if kind not in _ACTIVATIONS:
+        raise InputError(
+            f"the policy's graph has {kind} nodes, expected {' or '.join(_ACTIVATIONS)}"
+        )
+    return _ACTIVATIONS[kind]()
+
+
+def _under(conditions: Conditions, world: World) -> World:
+    """The world with the ground and the pushes that are wanted, instead of those of training."""
+    ground = Ground()
+    if conditions.ground != "flat":
+        ground = Ground(**asdict(course(conditions.ground, conditions.level)))
+    disturbed = replace(
+        world.randomisation,
+        push_interval=PUSH_INTERVAL,
+        push_velocity=PUSH_VELOCITY if conditions.pushes else 0.0,
+    )
+    return replace(world, ground=ground, randomisation=disturbed)
 
 
 def _world(bundle: Bundle) -> World:

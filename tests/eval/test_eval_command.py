@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from rmll_eval.conditions import Conditions
 from rmll_eval.extra import needs
 from rmll_eval.gait import gait
 from rmll_gaits.errors import Failure, InputError
@@ -33,6 +34,14 @@ def test_a_grid_prints_one_object_and_leaves_a_new_picture(tmp_path: Path) -> No
     assert str(picture.relative_to(tmp_path)) in done.stderr
 
 
+def test_a_ground_that_is_not_there_is_refused_with_those_that_are(tmp_path: Path) -> None:
+    done = evaluate(TROT, "--ground", "lava", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    complaint = " ".join(done.stderr.replace("│", "").split())
+    assert "invalid choice 'lava' for argument '--ground'" in complaint
+    assert "'rough', 'uphill', 'downhill', 'stones'" in complaint
+
+
 def test_episodes_print_a_table_and_leave_nothing(tmp_path: Path) -> None:
     done = evaluate(TROT, "--episodes", 1, "--seconds", 2, "--jobs", 1, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -47,6 +56,7 @@ def test_episodes_print_a_table_and_leave_nothing(tmp_path: Path) -> None:
         ({"speeds": (7.0,)}, "--speeds 7: this gait was trained for -1 to 1"),
         ({"seconds": 1}, "--seconds 1: expected at least 2"),
         ({"jobs": 0}, "--jobs 0: expected at least 1"),
+        ({"conditions": Conditions("rough", 10)}, "level is 10, expected 0 to 9"),
         ({"out": Path("no/grid.png")}, "--out no/grid.png: expected a .png file in a folder"),
         ({"episodes": 2, "speeds": (1.0,)}, "--episodes draws commands: it has no grid to shape"),
     ],

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from rmll_eval.conditions import Conditions
 from rmll_eval.evaluation import Evaluation
 from rmll_eval.picture import picture
 from rmll_eval.tables import show
@@ -20,8 +21,12 @@ def walk(vx: float = 0.5, frequency: float = 6.0, **figures) -> Walk:
     return Walk(Trial(vx, 0.0, frequency, 0), **known | figures)
 
 
-def evaluation(*walks: Walk, gait: str = "trot") -> Evaluation:
-    return Evaluation(gait, "trot.onnx", "emulator", 6.0, 0, walks)
+def evaluation(
+    *walks: Walk,
+    gait: str = "trot",
+    conditions: Conditions = Conditions(),  # noqa: B008 - frozen
+) -> Evaluation:
+    return Evaluation(gait, "trot.onnx", "emulator", 6.0, 0, conditions, walks)
 
 
 def test_mean_energy_is_all_the_energy_over_all_the_way() -> None:
@@ -59,6 +64,14 @@ def test_a_gait_that_the_paper_does_not_have_has_no_reference() -> None:
     pronk = evaluation(walk(), gait="pronk")
     assert json.loads(json.dumps(pronk.to_dict()))["energy_at_the_papers_speeds"] is None
     assert picture(pronk).axes[2].get_title() == "energy per metre [J/m]"
+
+
+def test_other_ground_is_named_and_not_compared_with_the_papers_flat_one() -> None:
+    found = evaluation(walk(), conditions=Conditions("rough", 5, pushes=True))
+    assert found.title.startswith("trot in the emulator on rough ground of level 5 with pushes: 1")
+    plain = found.to_dict()
+    assert (plain["ground"], plain["level"], plain["pushes"]) == ("rough", 5, True)
+    assert plain["energy_at_the_papers_speeds"] is None
 
 
 def test_the_tables_name_metrics_with_their_units(capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,7 @@ from rmll_gaits.label import FEET
 from rmll_gaits.pose import BITS, PAPER_FEET
 from rmll_gaits.schedule import POLICY_HZ, main_cycle
 from rmll_gaits.table import MachineTable
-from rmll_view.palette import FOOT_COLOURS, HIGHLIGHT, INK, state_colour
+from rmll_view.palette import FOOT_COLOURS, HIGHLIGHT, INK, REJECT, state_colour
 
 Times = NDArray[np.float64]
 Span = tuple[float, float]
@@ -67,12 +67,13 @@ def contact_figure(
     title: str,
     *,
     window: float = 3.0,
+    off_spec: NDArray[np.bool_] | None = None,
 ) -> None:
     """Save contacts and states as a picture, one full cycle of the gait set off.
 
     Shown are ``window`` seconds around the full cycle nearest to the middle of the log. Arrays
-    as in :func:`draw_contacts` and :func:`draw_states`, T at least 1; the picture's format
-    follows from the suffix of ``path``.
+    as in :func:`draw_contacts` and :func:`draw_states`, T at least 1; steps that are ``off_spec``
+    (T,) are marked. The picture's format follows from the suffix of ``path``.
     """
     cycle = find_cycle(times, states, table)
     middle = sum(cycle) / 2 if cycle else (times[0] + times[-1]) / 2
@@ -85,6 +86,8 @@ def contact_figure(
     figure.suptitle(title, parse_math=False)
     draw_contacts(upper, times, down, highlight=cycle)
     draw_states(lower, times, states, table.states)
+    if off_spec is not None:
+        _mark(upper, times[off_spec[shown]])
     lower.set_xlabel("time [s]")
     figure.savefig(path, dpi=150)
 
@@ -96,17 +99,22 @@ def find_cycle(times: Times, states: NDArray[np.int64], table: MachineTable) -> 
         times: (T,) [s].
         states: (T,) states of the automaton.
     """
+    middle = (times[0] + times[-1]) / 2
+    rounds = full_cycles(times, states, table)
+    return min(rounds, key=lambda span: abs(sum(span) / 2 - middle), default=None)
+
+
+def full_cycles(times: Times, states: NDArray[np.int64], table: MachineTable) -> list[Span]:
+    """All full rounds of the gait's main cycle; arguments as in :func:`find_cycle`."""
     wanted = [phase.state for phase in main_cycle(table)]
     runs = _runs(times, states)[1:]  # the log may begin in the midst of the first
-    visited = [int(state) for _, _, state in runs]
+    visited = [state for _, _, state in runs]
     length = len(wanted)
-    rounds = [
+    return [
         (runs[i][0], runs[i + length - 1][1])
         for i in range(len(runs) - length)
         if visited[i : i + length] == wanted
     ]
-    middle = (times[0] + times[-1]) / 2
-    return min(rounds, key=lambda span: abs(sum(span) / 2 - middle), default=None)
 
 
 def _runs(times: Times, values: NDArray) -> list[tuple[float, float, int]]:
@@ -115,6 +123,13 @@ def _runs(times: Times, values: NDArray) -> list[tuple[float, float, int]]:
     edges = [times[0], *times[changes], _end(times)]
     held = [int(values[i]) for i in (0, *changes)]
     return [(float(a), float(b), v) for (a, b), v in zip(pairwise(edges), held, strict=True)]
+
+
+def _mark(axes: Axes, times: Times) -> None:
+    """A stroke over the first bar for each step that the automaton does not explain."""
+    strokes = [(time, 1 / POLICY_HZ) for time in times]
+    axes.broken_barh(strokes, (-0.5, 0.08), color=REJECT, linewidth=0)
+    axes.set_ylabel("red: off-spec", color=REJECT, size=8)
 
 
 def _end(times: Times) -> float:
