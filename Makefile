@@ -4,7 +4,7 @@ VENV := .venv
 PIP := $(VENV)/bin/pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO := hil-runs/demo-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: demo test bench lint typecheck setup clean
+.PHONY: demo test golden bench lint typecheck setup clean
 
 # What the emulator and the daemon need; no torch.
 demo: $(VENV)/.hil
@@ -14,8 +14,15 @@ test: setup
 	$(VENV)/bin/pytest
 
 # Timings; run them on an idle machine.
+bench-train: setup
+	$(VENV)/bin/python -m rmll_train.time_to_gait --out time-to-gait.jsonl
+
 bench: setup
-	$(VENV)/bin/pytest -o addopts=--import-mode=importlib tests/benchmarks --benchmark-only
+	$(VENV)/bin/pytest -o addopts=--import-mode=importlib tests/benchmarks --benchmark-only -s
+
+# Renew the logs that today's daemon must replay, after a change that was meant.
+golden: setup
+	$(VENV)/bin/python -m rmll_hil.golden
 
 lint: setup
 	$(VENV)/bin/ruff check .

@@ -44,7 +44,7 @@ def test_the_base_install_is_small(base: Path, tmp_path: Path) -> None:
     done = call(base, tmp_path, "pip", "list", "--format=freeze")
     names = {line.partition("==")[0].lower() for line in done.stdout.split()}
     assert {"rmll", "numpy", "onnxruntime", "pyyaml", "msgspec", "tyro"} <= names
-    assert not names & {"torch", "mujoco", "onnx", "matplotlib", "lark", "rich"}
+    assert not names & {"torch", "mujoco", "onnx", "matplotlib", "lark", "rich", "mcap"}
 
 
 @pytest.mark.parametrize("command", ["gait", "train", "export", "hil", "eval"])

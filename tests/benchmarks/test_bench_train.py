@@ -1,7 +1,11 @@
-"""The trainer's side: a policy step of 1024 robots, bare physics beside everything else.
+"""The trainer's side: how much of the time of learning is bare physics.
 
-``test_learning`` counts 24 policy steps and an update; divide by 24 to compare.
+``test_learning`` counts 24 policy steps of 1024 robots and an update. Within the same rounds it
+adds up what ``Batch.step`` takes of them: their ratio, and both speeds, are printed and kept with
+the benchmark. ``test_bare_batch_step`` is the same call on robots that stand.
 """
+
+import time
 
 import pytest
 import torch
@@ -15,10 +19,27 @@ from rmll_train.settings import Settings
 from rmll_train.simulation import training_model
 
 SETTINGS = Settings()
-ENVS = SETTINGS.world.envs
+ENVS, ROLLOUT = SETTINGS.world.envs, SETTINGS.learner.rollout
 
 
-@pytest.fixture(scope="module")
+class Stopwatch:
+    """Stands in front of a Batch and adds up the time of its steps [s]."""
+
+    def __init__(self, batch: Batch):
+        self._batch, self.total = batch, 0.0
+
+    def step(self, nstep: int) -> None:
+        began = time.perf_counter()
+        try:
+            self._batch.step(nstep=nstep)
+        finally:
+            self.total += time.perf_counter() - began
+
+    def __getattr__(self, name: str):
+        return getattr(self._batch, name)
+
+
+@pytest.fixture
 def env() -> GaitEnv:
     return GaitEnv(load_gait("trot"), A1, SETTINGS.world, 0)
 
@@ -37,15 +58,28 @@ def test_environment_step(benchmark, env: GaitEnv) -> None:
 
 
 def test_learning(benchmark, env: GaitEnv) -> None:
-    learner = GaitPPO(env, SETTINGS.learner)
+    learner, simulation = GaitPPO(env, SETTINGS.learner), env.simulation
+    stopwatch = simulation._batch = Stopwatch(simulation._batch)
 
     def iteration() -> None:
         obs = env.get_observations()
         with torch.inference_mode():
-            for _ in range(SETTINGS.learner.rollout):
+            for _ in range(ROLLOUT):
                 obs, rewards, dones, extras = env.step(learner.act(obs))
                 learner.process_env_step(obs, rewards, dones, extras)
             learner.compute_returns(obs)
         learner.update()
 
-    benchmark.pedantic(iteration, rounds=5, warmup_rounds=1)
+    iteration()
+    stopwatch.total = 0.0
+    rounds = 20
+    benchmark.pedantic(iteration, rounds=rounds)
+    total, steps = sum(benchmark.stats.stats.data), rounds * ROLLOUT * ENVS
+    figures = {
+        "environment_steps_per_second": round(steps / total),
+        "bare_environment_steps_per_second": round(steps / stopwatch.total),
+        "physics_steps_per_second": round(steps * simulation.substeps / stopwatch.total),
+        "ratio": round(stopwatch.total / total, 3),
+    }
+    benchmark.extra_info |= figures
+    print("\n" + "  ".join(f"{name} {value:,}" for name, value in figures.items()))

@@ -12,6 +12,7 @@ from safetensors.numpy import load_file, save_file
 
 from rmll_contract import contract as contracts
 from rmll_export.bundle import export
+from rmll_export.card import MEASURED, card
 from rmll_export.checkpoint import find, read
 from rmll_gaits.errors import Failure, InputError
 
@@ -33,10 +34,11 @@ def rewrite(path: Path, change) -> None:
     save_file(tensors, path, metadata=header)
 
 
-def test_the_shipped_bundle_is_the_export_of_the_shipped_checkpoint(tmp_path: Path) -> None:
-    bundle = tmp_path / "trot.onnx"
-    export(read(SHIPPED / "trot.safetensors"), bundle)
-    assert bundle.read_bytes() == (SHIPPED / "trot.onnx").read_bytes()
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.onnx")), ids=lambda path: path.stem)
+def test_each_shipped_bundle_is_the_export_of_its_checkpoint(path: Path, tmp_path: Path) -> None:
+    bundle = tmp_path / path.name
+    export(read(path.with_suffix(".safetensors")), bundle)
+    assert bundle.read_bytes() == path.read_bytes()
 
 
 def test_other_tools_find_the_keys_of_mjlab(checkpoint: Path, tmp_path: Path) -> None:
@@ -122,3 +124,18 @@ def test_the_command_exports_without_torch(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert report["gait"] == "trot" and report["difference_from_learner"] < 1e-5
+
+
+def test_the_card_tells_what_was_measured_and_by_which_command(tmp_path: Path) -> None:
+    both = {"mean": 0.987, "worst": 0.9}
+    evaluation = dict.fromkeys(MEASURED, both) | {
+        "gait": "trot", "world": "emulator", "ground": "rough", "level": 5, "pushes": True,
+        "episodes": 20, "seconds": 20.0, "falls": 1, "faults": 0,
+        "energy_at_the_papers_speeds": None,
+    }  # fmt: skip
+    contract = read(SHIPPED / "trot.safetensors").contract
+    text = card(contract, "trot.onnx", [evaluation])
+    command = "rmll-eval gait trot --episodes 20 --seconds 20 --ground rough --level 5 --pushes"
+    assert f"`{command}`" in text
+    assert "| adherence | 0.987 | 0.9 |" in text
+    assert "| falls | 1 of 20 | |" in text

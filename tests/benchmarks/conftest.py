@@ -1,0 +1,89 @@
+"""What the benchmarks of the robot's side share: a bundle, a recorded walk, a wire, a printer."""
+
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rmll_hil import lockstep
+from rmll_hil.emulator import Emulator, Settings
+from rmll_onboard.bundle import Bundle, load_bundle
+from rmll_onboard.link import UdpLink
+from rmll_onboard.pilot import FlagPilot
+from rmll_onboard.tick import Tick
+
+TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
+SECONDS = 20.0
+"""Of walking in the recorded ticks"""
+
+
+@pytest.fixture(scope="session")
+def trot() -> Path:
+    return TROT
+
+
+@pytest.fixture(scope="session")
+def bundle(trot: Path) -> Bundle:
+    return load_bundle(trot)
+
+
+@pytest.fixture(scope="session")
+def new_pilot(bundle: Bundle) -> Callable[[], FlagPilot]:
+    return lambda: FlagPilot(bundle.table.commands, vx=0.5, seconds=SECONDS)
+
+
+@pytest.fixture(scope="session")
+def walk(bundle: Bundle, new_pilot: Callable[[], FlagPilot]) -> list[Tick]:
+    """Every tick of a walk with physics, from lying to lying."""
+    ticks: list[Tick] = []
+    emulator = Emulator(Settings(), robot=bundle.robot)
+    lockstep.walk(emulator, bundle, new_pilot(), lambda seconds: None, ticks.append)
+    return ticks
+
+
+@pytest.fixture
+def wire() -> Iterator[tuple[socket.socket, UdpLink]]:
+    """The robot's end of UDP on loopback, and ours."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.bind(("127.0.0.1", 0))
+        with closing(UdpLink(f"127.0.0.1:{robot.getsockname()[1]}")) as link:
+            link.send(b"hello")
+            _, ours = robot.recvfrom(100)
+            robot.connect(ours)
+            yield robot, link
+
+
+@pytest.fixture
+def emulated() -> Callable:
+    """Starts an emulated robot that answers each command; gives its address."""
+
+    @contextmanager
+    def start() -> Iterator[str]:
+        flags = ("serve", "--port", "0", "--reply", "echo")
+        command = [sys.executable, "-m", "rmll_hil.cli", *flags]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            try:
+                assert process.stdout
+                yield process.stdout.readline().split()[-1]
+            finally:
+                process.terminate()
+
+    return start
+
+
+@pytest.fixture
+def tell(benchmark) -> Callable[[str, Sequence[float]], float]:
+    """Prints p50 and p99 of durations [us], keeps them with the benchmark, returns the p50."""
+
+    def tell(name: str, durations: Sequence[float]) -> float:
+        p50, p99 = np.percentile(durations, [50, 99]).tolist()
+        benchmark.extra_info |= {f"{name} p50": round(p50, 1), f"{name} p99": round(p99, 1)}
+        print(f"\n{name:44} p50 {p50:8.1f} us   p99 {p99:8.1f} us", end="")
+        return p50
+
+    return tell
