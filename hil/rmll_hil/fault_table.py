@@ -31,13 +31,15 @@ from rmll_robots import A1, Robot
 
 MOTION = {"crouch": 0.3, "rise": 0.6, "settle": 0.2, "slow_down": 0.3, "sit": 0.3}
 """[s] of the daemon's movements: walking begins about 1.2 s after the first command"""
-WATCHED_MS = 2500
-"""How long a fault is given to show an effect"""
+WATCHED_MS = 4000
+"""How long a fault is given to show an effect; a stuck gait, the slowest, takes two seconds"""
 SETTLED_MS = 500
 """A reaction that came stays for so long"""
 PATIENCE = 20.0
 """[s] for the daemon to start or to end"""
 ATTEMPTS = 4
+_OF_A_BUSY_MACHINE = Reaction.NEVER_WALKED, Reaction.BRAKES
+"""What is seen when a daemon gets no processor for 50 ms: its trial says nothing"""
 TEST = "tests/hil/test_fault_table.py"
 PAGE = """# Faults, and what the daemon does about them
 
@@ -197,10 +199,10 @@ def provoke(rows: Iterable[Row], policy: Path, jobs: int, robot: Robot = A1) -> 
 
 
 def _provoke(row: Row, policy: Path, robot: Robot) -> Result:
-    """Until the fault met a walking robot: on a busy machine others get in before it."""
+    """Until the row's fault was the only one: on a busy machine others get in before it."""
     for _ in range(ATTEMPTS - 1):
         result = _Trial(row, policy, robot).run()
-        if result.reaction is not Reaction.NEVER_WALKED:
+        if result.reaction is row.reaction or result.reaction not in _OF_A_BUSY_MACHINE:
             return result
     return _Trial(row, policy, robot).run()
 

@@ -1,6 +1,6 @@
 """The trainer's side: how much of the time of learning is bare physics.
 
-``test_learning`` counts 24 policy steps of 1024 robots and an update. Within the same rounds it
+``test_learning`` counts a rollout of 1024 robots and its update. Within the same rounds it
 adds up what ``Batch.step`` takes of them: their ratio, and both speeds, are printed and kept with
 the benchmark. ``test_bare_batch_step`` is the same call on robots that stand.
 """

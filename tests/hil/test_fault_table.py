@@ -14,7 +14,8 @@ from rmll_hil.fault_rows import ROWS, Reaction
 from rmll_hil.fault_table import Result, markdown, provoke
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
-JOBS = 4
+JOBS = 2
+"""More at a time get in each other's way on two processors"""
 
 
 @pytest.fixture(scope="module")

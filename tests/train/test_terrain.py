@@ -79,18 +79,18 @@ def test_who_masters_the_last_level_is_sent_to_any(terrain: Terrain) -> None:
 
 def test_pressure_grows_only_while_gait_and_speed_are_held_and_stays_in_its_range() -> None:
     demands = Demands(Rewards(pressure=(0.5, 2.0)))
-    demands.update(adherence=0.1, vx_error=0.0)
+    demands.update(adherence=0.1, vx_error=0.0, steps=12)
     assert demands.pressure == 0.5
     for _ in range(500):
-        demands.update(adherence=0.99, vx_error=0.05)
+        demands.update(adherence=0.99, vx_error=0.05, steps=12)
     assert demands.pressure == 2.0
-    demands.update(adherence=0.99, vx_error=0.5)
+    demands.update(adherence=0.99, vx_error=0.5, steps=12)
     assert demands.pressure < 2.0
 
 
 def test_reject_edges_open_once_the_gait_is_there_and_stay_open() -> None:
     demands = Demands(Rewards(strict_above=0.7))
     for adherence, strict in ((0.6, False), (0.71, True), (0.1, True)):
-        demands.update(adherence, vx_error=0.1)
+        demands.update(adherence, vx_error=0.1, steps=12)
         assert demands.strict == strict
     assert Demands(Rewards(strict_above=0.0)).strict

@@ -47,8 +47,8 @@ class Levels:
 class Demands:
     """What is asked of all robots alike, moved by how well they walk."""
 
-    RATE = 1.02
-    """Factor on the pressure from one rollout to the next"""
+    RATE = 1.0008
+    """Factor on the pressure from one policy step to the next: tenfold in a minute of walking"""
 
     def __init__(self, settings: Rewards):
         self._settings = settings
@@ -57,9 +57,10 @@ class Demands:
         self.strict = settings.strict_above <= 0
         """Reject edges lead into the sink"""
 
-    def update(self, adherence: float, vx_error: float) -> None:
-        """After a rollout with these means over all robots."""
+    def update(self, adherence: float, vx_error: float, steps: int) -> None:
+        """After a rollout of so many policy steps with these means over all robots."""
         settings, (low, high) = self._settings, self._settings.pressure
         holds = adherence > settings.hold_adherence and vx_error < settings.hold_vx_error
-        self.pressure = min(high, max(low, self.pressure * (self.RATE if holds else 1 / self.RATE)))
+        factor = self.RATE ** (steps if holds else -steps)
+        self.pressure = min(high, max(low, self.pressure * factor))
         self.strict = self.strict or adherence > settings.strict_above

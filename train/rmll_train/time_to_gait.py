@@ -49,6 +49,7 @@ WITHOUT: dict[str, dict[str, Any]] = {
     "entropy": {"learner": {"entropy": [0.01, 0.01]}},
     "spread": {"learner": {"spread_rate": 1.0}},
     "epochs": {"learner": {"epochs": 5}},
+    "rollout": {"learner": {"rollout": 24}},
     "bf16": {"learner": {"bf16": False}},
 }
 """What each departure from the paper is called, and the settings that turn it off"""

@@ -107,22 +107,22 @@ class Run:
     def update(self) -> Progress:
         """Collect one rollout and learn from it."""
         began = time.monotonic()
-        env, learner = self._env, self._learner
+        env, learner, rollout = self._env, self._learner, self._settings.learner.rollout
         obs = env.get_observations()
         with torch.inference_mode():
-            for _ in range(self._settings.learner.rollout):
+            for _ in range(rollout):
                 obs, rewards, dones, extras = env.step(learner.act(obs))
                 learner.process_env_step(obs, rewards, dones, extras)
             learner.compute_returns(obs)
         learner.entropy_coef = self._settings.learner.entropy[env.demands.strict]
         losses = learner.update()
-        taken = env.num_envs * self._settings.learner.rollout
+        taken = env.num_envs * rollout
         elapsed = time.monotonic() - began
         self.steps += taken
         self.seconds += elapsed
 
         walked = env.take_tally().metrics()
-        env.demands.update(walked["adherence"], walked["vx_error"])
+        env.demands.update(walked["adherence"], walked["vx_error"], rollout)
         metrics = walked | {
             "pressure": env.demands.pressure,
             "strict": float(env.demands.strict),
