@@ -169,7 +169,7 @@ class Learner:
     hidden: tuple[int, ...] = (256, 256, 256)
     learning_rate: float = 1e-3
     """at the beginning"""
-    rate_range: tuple[float, float] = (2e-4, 4e-3)
+    rate_range: tuple[float, float] = (1e-4, 4e-3)
     """Bounds within which the learning rate follows ``desired_kl``. With rsl-rl's own, 1e-5 to
     1e-2, rare bonuses drive it to the lower one, where nothing is learned"""
     spread_rate: float = 5.0
