@@ -47,8 +47,8 @@ class Levels:
 class Demands:
     """What is asked of all robots alike, moved by how well they walk."""
 
-    RATE = 1.0008
-    """Factor on the pressure from one policy step to the next: tenfold in a minute of walking"""
+    RATE = 1.0016
+    """Factor on the pressure from one policy step to the next: tenfold in half a minute of walking"""
 
     def __init__(self, settings: Rewards):
         self._settings = settings
