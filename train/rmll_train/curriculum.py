@@ -48,7 +48,7 @@ class Demands:
     """What is asked of all robots alike, moved by how well they walk."""
 
     RATE = 1.0016
-    """Factor on the pressure from one policy step to the next: tenfold in half a minute of walking"""
+    """Factor on the pressure from one policy step to the next: tenfold in 29 s of walking"""
 
     def __init__(self, settings: Rewards):
         self._settings = settings

@@ -42,8 +42,8 @@ class Rewards:
     hold_adherence: float = 0.8
     """The factor grows above this adherence ..."""
     hold_vx_error: float = 0.2
-    """... and below this error [m/s], both with exploration, pushes and rough ground: 0.13 was never
-    reached there, and robots that held their gait went on to burn 220 J/m"""
+    """... and below this error [m/s], both with exploration and pushes. On rough ground 0.13 was
+    never reached, and robots that held their gait went on to burn 220 J/m"""
     strict_above: float = 0.7
     """Adherence from which on, for good, reject edges lead into the sink and episodes end at every
     limit of ``Terminations``. Until then forbidden contacts only earn nothing, and an episode ends
