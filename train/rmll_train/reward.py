@@ -33,7 +33,7 @@ def terms(
     simulation: Simulation, motion: Motion, settings: Rewards, pressure: float, dt: float
 ) -> dict[str, Tensor]:
     """Weighted terms of R_walk per second, each (n,); the first two are the tracking rewards."""
-    width = settings.width / max(1.0, pressure) ** 2
+    width = settings.width / max(1.0, pressure)
     velocity, spin = simulation.base_velocity, simulation.angular_velocity
     joint_velocity, torque = simulation.joint_velocity, simulation.torque
     acceleration = (motion.last_joint_velocity - joint_velocity) / dt

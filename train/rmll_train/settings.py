@@ -37,8 +37,8 @@ class Rewards:
     pressure: tuple[float, float] = (0.2, 2.0)
     """Range of the factor on all costs. Within it the factor grows while robots hold the gait and
     their speed, and shrinks while they do not: first the gait emerges, then it becomes efficient.
-    Above 1 it narrows ``width`` by its square, so that efficiency is not bought with errors of
-    velocity. Equal ends turn this off"""
+    Above 1 it narrows ``width`` too, so that efficiency is not bought with errors of velocity.
+    Equal ends turn this off"""
     hold_adherence: float = 0.8
     """The factor grows above this adherence ..."""
     hold_vx_error: float = 0.2
