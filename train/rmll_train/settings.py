@@ -37,8 +37,8 @@ class Rewards:
     pressure: tuple[float, float] = (0.2, 2.0)
     """Range of the factor on all costs. Within it the factor grows while robots hold the gait and
     their speed, and shrinks while they do not: first the gait emerges, then it becomes efficient.
-    Above 1 it narrows ``width`` too, so that efficiency is not bought with errors of velocity.
-    Equal ends turn this off"""
+    Above 1 it narrows ``width`` too, that of the forward velocity by its square, so that efficiency
+    is not bought with errors of velocity. Equal ends turn this off"""
     hold_adherence: float = 0.8
     """The factor grows above this adherence ..."""
     hold_vx_error: float = 0.2
@@ -52,9 +52,8 @@ class Rewards:
     joint_limit: float = -10.0
     """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
     power: float = -0.01
-    """sum |torque x joint velocity| / (v + 0.5 m/s) [N], where v is the speed in the wanted
-    direction, at most |c_x|: about the energy per metre, so that it weighs as much at every speed
-    and going too slowly saves little; ours"""
+    """sum |torque x joint velocity| / (|c_x| + 0.5 m/s) [N], about the energy per metre, so that it
+    weighs as much at every speed; ours"""
     velocity_y: float = -1.0
     """v_y^2; ours"""
     form: Literal["exp", "clip"] = "exp"
@@ -173,9 +172,10 @@ class Learner:
     rate_range: tuple[float, float] = (1e-4, 4e-3)
     """Bounds within which the learning rate follows ``desired_kl``. With rsl-rl's own, 1e-5 to
     1e-2, rare bonuses drive it to the lower one, where nothing is learned"""
-    spread_rate: float = 5.0
+    spread_rate: float = 2.5
     """Factor on the learning rate of the action distribution's spread. Adam moves a logarithm by no
-    more than its rate a step: at 1, exploration outlives its use by millions of steps"""
+    more than its rate a step: at 1, exploration outlives its use by millions of steps; at 5 it is
+    gone before a robot has learned to withstand pushes"""
     desired_kl: float = 0.01
     clip: float = 0.2
     clip_value: bool = False
