@@ -11,6 +11,7 @@ from rmll_gaits import label, machine
 from rmll_gaits.load import load_gait
 from rmll_gaits.machine import Machine
 from rmll_robots import A1
+from rmll_train import reward
 from rmll_train.environment import GaitEnv
 from rmll_train.settings import Noise, Randomisation, Rewards, Settings, Terminations, World
 
@@ -243,3 +244,23 @@ def test_a_robots_own_sums_are_a_part_of_all() -> None:
     for name in ("off_spec_contact", "vx_error", "wz_error", "walk_reward"):
         assert np.mean([metrics[name] for metrics in one]) == pytest.approx(every[name], rel=1e-3)
     assert env.take_tally().steps.sum() == 0
+
+
+def test_the_same_power_costs_less_the_more_of_the_wanted_speed_is_reached() -> None:
+    """... and neither going too slowly nor the wrong way or too fast makes it cheaper."""
+    env, settings = make(), Rewards()
+    simulation = env.simulation
+    simulation.torque, simulation.joint_velocity = torch.ones(ENVS, 12), torch.ones(ENVS, 12)
+    command = torch.zeros(ENVS, 3)
+    still = torch.zeros(ENVS, 12)
+    motion = reward.Motion(command, still, still, still, torch.zeros(ENVS, 4))
+
+    def cost(wanted: float, speed: float) -> float:
+        command[:, 0] = wanted
+        simulation.base_velocity[:] = torch.tensor([speed, 0.0, 0.0])
+        weighted = reward.terms(simulation, motion, settings, pressure=1.0, dt=env.dt)
+        return -float(weighted["power"][0])
+
+    assert cost(0.8, 0.8) == pytest.approx(cost(-0.8, -0.8)) == pytest.approx(0.12 / 1.3)
+    assert cost(0.8, 0.0) > cost(0.8, 0.4) > cost(0.8, 0.8) == cost(0.8, 1.2)
+    assert cost(0.8, -0.4) == cost(0.8, 0.0) == cost(0.0, 0.4)

@@ -52,8 +52,9 @@ class Rewards:
     joint_limit: float = -10.0
     """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
     power: float = -0.01
-    """sum |torque x joint velocity| / (|c_x| + 0.5 m/s) [N], about the energy per metre, so that it
-    weighs as much at every speed; ours"""
+    """sum |torque x joint velocity| / (v + 0.5 m/s) [N], where v is the speed in the wanted
+    direction, at most |c_x|: about the energy per metre, so that it weighs as much at every speed
+    and going too slowly saves little; ours"""
     velocity_y: float = -1.0
     """v_y^2; ours"""
     form: Literal["exp", "clip"] = "exp"
@@ -172,10 +173,9 @@ class Learner:
     rate_range: tuple[float, float] = (1e-4, 4e-3)
     """Bounds within which the learning rate follows ``desired_kl``. With rsl-rl's own, 1e-5 to
     1e-2, rare bonuses drive it to the lower one, where nothing is learned"""
-    spread_rate: float = 2.5
+    spread_rate: float = 5.0
     """Factor on the learning rate of the action distribution's spread. Adam moves a logarithm by no
-    more than its rate a step: at 1, exploration outlives its use by millions of steps; at 5 it is
-    gone before a robot has learned to withstand pushes"""
+    more than its rate a step: at 1, exploration outlives its use by millions of steps"""
     desired_kl: float = 0.01
     clip: float = 0.2
     clip_value: bool = False
