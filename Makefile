@@ -4,7 +4,7 @@ VENV := .venv
 PIP := $(VENV)/bin/pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO := hil-runs/demo-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: demo test golden bench lint typecheck setup clean
+.PHONY: demo test fuzz golden bench bench-train lint typecheck setup clean
 
 # What the emulator and the daemon need; no torch.
 demo: $(VENV)/.hil
@@ -12,6 +12,10 @@ demo: $(VENV)/.hil
 
 test: setup
 	$(VENV)/bin/pytest
+
+# Everything that reads packets, files or messages, with hostile input for some minutes.
+fuzz: setup
+	HYPOTHESIS_PROFILE=fuzz $(VENV)/bin/pytest -k "any_ or damaged or hostile or random_bytes"
 
 # Timings; run them on an idle machine.
 bench-train: setup

@@ -9,7 +9,7 @@ import onnxruntime
 
 from rmll_contract import contract as contracts
 from rmll_contract.contract import Contract
-from rmll_contract.graph_hash import graph_sha256
+from rmll_contract.onnx_file import graph_sha256
 from rmll_export.checkpoint import Checkpoint
 from rmll_export.graph import build
 from rmll_gaits.errors import Failure

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from rmll_contract import contract as contracts
-from rmll_contract.graph_hash import graph_sha256
+from rmll_contract.onnx_file import graph_sha256
 from rmll_gaits.errors import Failure
 from rmll_onboard.policy import ACTION, OBSERVATION
 

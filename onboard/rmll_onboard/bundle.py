@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rmll_contract import contract as contracts
 from rmll_contract import observation
 from rmll_contract.contract import Contract
-from rmll_contract.graph_hash import graph_sha256
+from rmll_contract.onnx_file import graph_sha256, metadata
 from rmll_gaits.errors import InputError
 from rmll_gaits.label import FEET
 from rmll_gaits.table import MachineTable
@@ -40,19 +40,19 @@ def load_bundle(path: Path) -> Bundle:
     source = path.name
     model = _read(path)
     try:
-        digest = graph_sha256(model)
+        digest, texts = graph_sha256(model), metadata(model)
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
+    if contracts.KEY not in texts:
+        raise InputError(f"{source}: not a bundle: no {contracts.KEY!r} entry in its metadata")
+    contract = contracts.decode(texts[contracts.KEY], source)
+    if contract.graph_sha256 != digest:
+        raise InputError(f"{source}: the network was edited, it is not the one that was exported")
+    # only what was exported comes as far as onnxruntime's own parser
     try:
         session = open_session(model)
     except Exception as error:  # onnxruntime's exceptions share no narrower base
         raise InputError(f"{source}: onnxruntime refuses it: {error}") from error
-    metadata = session.get_modelmeta().custom_metadata_map
-    if contracts.KEY not in metadata:
-        raise InputError(f"{source}: not a bundle: no {contracts.KEY!r} entry in its metadata")
-    contract = contracts.decode(metadata[contracts.KEY], source)
-    if contract.graph_sha256 != digest:
-        raise InputError(f"{source}: the network was edited, it is not the one that was exported")
     try:
         table = MachineTable.from_dict(contract.table)
         robot = _robot(contract)

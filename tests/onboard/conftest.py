@@ -11,7 +11,7 @@ from onnx import TensorProto, helper, numpy_helper
 from rmll_contract import contract as contracts
 from rmll_contract import observation
 from rmll_contract.contract import Contract, Labels, Trace
-from rmll_contract.graph_hash import graph_sha256
+from rmll_contract.onnx_file import graph_sha256
 from rmll_gaits.table import ADVANCE, REJECT, Commands, MachineTable
 from rmll_onboard import a1_wire
 from rmll_onboard.a1_wire import RobotState

@@ -4,6 +4,8 @@ import msgspec
 import numpy as np
 import onnx
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from onnx import helper
 
 from rmll_contract.contract import KEY
@@ -60,9 +62,34 @@ def test_files_that_are_no_bundles_are_refused(tmp_path, make_network):
     path.write_bytes(bytes(100))
     assert "not an ONNX file" in refusal(path)
     path.write_bytes(b"\x3a\x03abc")
-    assert "onnxruntime refuses it" in refusal(path)
+    assert f"no '{KEY}' entry" in refusal(path)
     path.write_bytes(make_network(49).SerializeToString())
     assert f"no '{KEY}' entry" in refusal(path)
+
+
+def test_a_network_that_onnxruntime_does_not_know_is_refused(make_bundle, make_network):
+    trace = load_bundle(make_bundle()).contract.trace
+    strange = make_network(49)
+    strange.graph.node[0].op_type = "NoSuchOperator"
+    assert "onnxruntime refuses it" in refusal(make_bundle(strange, trace=trace))
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_a_damaged_bundle_is_refused_or_as_good_as_new(bundle_path, tmp_path, data):
+    """Bytes changed, left out or put in anywhere: one line, or the same gait."""
+    whole = bundle_path.read_bytes()
+    start = data.draw(st.integers(0, len(whole)))
+    dropped = data.draw(st.integers(0, 40))
+    path = tmp_path / "damaged.onnx"
+    path.write_bytes(whole[:start] + data.draw(st.binary(max_size=40)) + whole[start + dropped :])
+    try:
+        bundle = load_bundle(path)
+        prove(bundle)
+    except InputError as error:
+        assert str(error).startswith("damaged.onnx: ")
+    else:
+        assert bundle.contract == load_bundle(bundle_path).contract
 
 
 def test_a_file_that_is_too_large_is_not_read(tmp_path, monkeypatch):

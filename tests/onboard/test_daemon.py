@@ -301,7 +301,7 @@ def test_huge_rates_from_the_imu_do_not_reach_the_joints(by_flags, robot):
         assert np.abs(robot.last.q[robot.last.kp > 0]).max(initial=0) < 5
 
 
-@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_hostile_datagrams_change_nothing(bundle, brisk, data):
     daemon = Daemon(bundle, brisk, by_command(1.0))

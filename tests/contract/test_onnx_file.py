@@ -1,4 +1,4 @@
-"""The fingerprint of a network, against the onnx package."""
+"""Fingerprint and metadata of an ONNX file, against the onnx package."""
 
 import hashlib
 
@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from onnx import TensorProto, helper
 
-from rmll_contract.graph_hash import graph_sha256
+from rmll_contract.onnx_file import graph_sha256, metadata
 from rmll_gaits.errors import InputError
 
 
@@ -24,6 +24,24 @@ def test_hash_is_of_the_serialised_graph_whatever_lies_around_it():
     helper.set_model_props(dressed, {"rmll": "{}"})
     assert graph_sha256(model().SerializeToString()) == expected
     assert graph_sha256(dressed.SerializeToString()) == expected
+
+
+@given(st.dictionaries(st.text(max_size=20), st.text(), max_size=4))
+def test_metadata_comes_back(texts):
+    dressed = model()
+    helper.set_model_props(dressed, texts)
+    assert metadata(dressed.SerializeToString()) == texts
+
+
+def test_metadata_that_is_there_twice_or_no_text_is_refused():
+    dressed = model()
+    helper.set_model_props(dressed, {"rmll": "{}"})
+    again = dressed.metadata_props.add()
+    again.key, again.value = "rmll", "[]"
+    with pytest.raises(InputError, match="'rmll' twice"):
+        metadata(dressed.SerializeToString())
+    with pytest.raises(InputError, match="no text"):
+        metadata(b"\x72\x03\x0a\x01\xff")
 
 
 @pytest.mark.parametrize("extra", [b"\x19" + bytes(8), b"\x1d" + bytes(4), b"\x18\xff\x01"])
@@ -52,5 +70,6 @@ def test_two_graphs_are_refused():
 def test_any_bytes_give_a_hash_or_one_line(data):
     try:
         assert len(graph_sha256(data)) == 64
+        assert isinstance(metadata(data), dict)
     except InputError as error:
         assert "\n" not in str(error)
