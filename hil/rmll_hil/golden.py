@@ -34,7 +34,7 @@ FAULTS = {
     **dict.fromkeys(("joint_past_limit", "joint_speed", "power"), 0.2),
     **dict.fromkeys(("silent_board", "frozen_values", "nan_joint", "wild_action"), 0.2),
     **dict.fromkeys(("braked_joint", "emergency_stop", "bad_network"), 0.2),
-    **dict.fromkeys(("other_commander", "hot_motor"), 0.4),
+    **dict.fromkeys(("other_commander", "hot_motor"), 0.8),
     **dict.fromkeys(("corruption", "pushed_over", "remote_lost"), 0.7),
 }
 """Of the fault table, and how long each is watched [s]"""
