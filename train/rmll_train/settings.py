@@ -163,7 +163,7 @@ class Learner:
     """environment steps in all"""
     rollout: int = 12
     """policy steps a simulation between two updates. With 24, as rsl-rl's, a gait takes twice the
-    samples; with 8 rare bonuses drown in the noise, and a bound was never found"""
+    samples; with 8 a bound was not found within 2 M steps, in one run"""
     epochs: int = 2
     """rsl-rl has 5; two, at a higher rate, learn as much in less time"""
     mini_batches: int = 4
