@@ -171,7 +171,7 @@ class Realtime(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rehearse_us: Annotated[
         int,
         Meta(ge=0, le=4000, description="[us] before that, to warm up for a policy tick; 0: don't"),
-    ] = 800
+    ] = 1200
     priority: Annotated[
         int, Meta(ge=0, le=99, description="of the scheduler's SCHED_FIFO; 0: an ordinary process")
     ] = 0

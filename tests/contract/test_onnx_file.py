@@ -66,6 +66,7 @@ def test_two_graphs_are_refused():
         graph_sha256(data + data)
 
 
+@pytest.mark.fuzz
 @given(st.binary())
 def test_any_bytes_give_a_hash_or_one_line(data):
     try:

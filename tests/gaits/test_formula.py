@@ -52,6 +52,7 @@ def test_a_formula_is_true_exactly_for_its_labels(tree, data):
         assert parse(text) == {label for label in range(16) if holds(tree, label)}
 
 
+@pytest.mark.fuzz
 @given(st.text() | st.text(alphabet="FLRB&|!() andortefls"))
 def test_any_text_parses_or_is_refused_in_one_line(text):
     try:

@@ -102,6 +102,7 @@ WORDS = (
 words = st.sampled_from([*WORDS.split(), "\n"])
 
 
+@pytest.mark.fuzz
 @given(st.text() | st.lists(words, max_size=60).map(" ".join))
 def test_any_text_is_a_gait_or_an_input_error(text):
     for source in (text, HEAD + text, EDGE + text):
@@ -120,6 +121,7 @@ values = st.recursive(
 )  # fmt: skip
 
 
+@pytest.mark.fuzz
 @given(st.sampled_from(["cycle", "states", "start", "description"]), values)
 def test_any_yaml_value_anywhere_is_a_gait_or_an_input_error(key, value):
     try:

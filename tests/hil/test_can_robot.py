@@ -251,6 +251,7 @@ def hostile() -> st.SearchStrategy[bytes]:
     return frames.map(pack) | st.binary(max_size=60)
 
 
+@pytest.mark.fuzz
 @given(st.lists(hostile(), max_size=4))
 def test_hostile_datagrams_raise_nothing_and_damp_at_worst(datagrams):
     pair = Pair(mixed()).open()

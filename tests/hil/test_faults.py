@@ -80,6 +80,7 @@ names = st.sampled_from(
 entries = st.dictionaries(names, values | st.lists(values, max_size=3)) | values
 
 
+@pytest.mark.fuzz
 @settings(deadline=None)
 @given(st.lists(entries, max_size=3), st.sampled_from(list(KINDS)))
 def test_any_yaml_is_a_plan_or_one_error(plain: list, kind: str) -> None:

@@ -151,6 +151,7 @@ class Hostile:
         return a1_wire.encode_state(state)
 
 
+@pytest.mark.fuzz
 def test_a_hundred_thousand_hostile_datagrams(trot: Bundle) -> None:
     """Real sockets, so that those of a stranger are among them; time in lockstep."""
     rng = np.random.default_rng(0)

@@ -149,6 +149,7 @@ def test_every_flipped_protected_bit_is_refused(packet, decode):
             assert bad.value.reason is (Reason.LEVEL if position == 0 else Reason.CRC)
 
 
+@pytest.mark.fuzz
 @given(st.binary(max_size=1000))
 def test_random_bytes_are_refused(data):
     for decode in (a1_wire.decode_command, a1_wire.decode_state):

@@ -74,6 +74,7 @@ def test_a_network_that_onnxruntime_does_not_know_is_refused(make_bundle, make_n
     assert "onnxruntime refuses it" in refusal(make_bundle(strange, trace=trace))
 
 
+@pytest.mark.fuzz
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_a_damaged_bundle_is_refused_or_as_good_as_new(bundle_path, tmp_path, data):

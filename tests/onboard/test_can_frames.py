@@ -20,6 +20,7 @@ def test_frames_come_back(sent):
     assert list(unpack(pack(sent))) == sent
 
 
+@pytest.mark.fuzz
 @given(st.binary(max_size=200))
 def test_any_bytes_are_frames_or_refused(datagram):
     try:

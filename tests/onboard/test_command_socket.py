@@ -102,6 +102,7 @@ def test_a_flood_does_not_hold_the_loop(pilot, send):
     assert at(pilot, 1.1).command[0] == 0.9
 
 
+@pytest.mark.fuzz
 @given(st.binary(max_size=2 * LONGEST))
 def test_any_bytes_are_a_wish_or_one_error(message):
     try:

@@ -301,6 +301,7 @@ def test_huge_rates_from_the_imu_do_not_reach_the_joints(by_flags, robot):
         assert np.abs(robot.last.q[robot.last.kp > 0]).max(initial=0) < 5
 
 
+@pytest.mark.fuzz
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_hostile_datagrams_change_nothing(bundle, brisk, data):

@@ -243,6 +243,7 @@ def read_or_refuse(path: Path, data: bytes) -> None:
         assert "\n" not in str(error)
 
 
+@pytest.mark.fuzz
 @ON_FILES
 @given(data=st.data())
 def test_damaged_logs_are_read_or_refused(log, tmp_path, data):
@@ -261,6 +262,7 @@ json_values = st.recursive(
 )
 
 
+@pytest.mark.fuzz
 @ON_FILES
 @given(entries=st.dictionaries(st.sampled_from([COMMAND, ORDERS, INSIDE, "/x"]), json_values))
 def test_messages_of_any_kind_are_read_or_refused(about, tmp_path, entries):
@@ -268,6 +270,7 @@ def test_messages_of_any_kind_are_read_or_refused(about, tmp_path, entries):
     read_or_refuse(tmp_path / "strange.mcap", with_messages(about, messages))
 
 
+@pytest.mark.fuzz
 @ON_FILES
 @given(
     records=st.lists(
@@ -294,6 +297,7 @@ def test_settings_and_table_are_checked_where_they_are_used(about, tmp_path):
         log.about.machine_table()
 
 
+@pytest.mark.fuzz
 @ON_FILES
 @given(data=st.data())
 def test_metadata_of_any_kind_is_read_or_refused(about, tmp_path, data):

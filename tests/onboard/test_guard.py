@@ -251,6 +251,7 @@ def test_one_strange_torque_is_no_other_commander():
 numbers = st.floats(width=32, allow_nan=False, allow_infinity=False)
 
 
+@pytest.mark.fuzz
 @settings(deadline=None, max_examples=50)
 @given(st.lists(numbers, min_size=12, max_size=12), st.lists(numbers, min_size=12, max_size=12))
 def test_any_measurement_is_judged(q, dq):

@@ -74,6 +74,7 @@ names = st.sampled_from(
 )
 
 
+@pytest.mark.fuzz
 @given(st.dictionaries(names, st.dictionaries(names, values) | values))
 def test_any_yaml_gives_settings_or_one_error(tmp_path_factory, plain):
     path = tmp_path_factory.mktemp("settings") / "settings.yaml"

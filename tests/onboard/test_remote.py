@@ -28,6 +28,7 @@ def test_round_trip(pressed):
     assert remote.decode(data) == pressed
 
 
+@pytest.mark.fuzz
 @given(st.binary(min_size=40, max_size=40))
 def test_any_bytes_give_sticks_within_their_range(data):
     pressed = remote.decode(data)

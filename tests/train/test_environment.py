@@ -190,6 +190,17 @@ def test_until_the_demands_are_strict_a_forbidden_contact_only_earns_nothing() -
     assert not done.any() and (rewards == 0).all() and (env.state == env.table.start).all()
 
 
+def test_some_robots_may_go_on_after_breaking_a_strict_demand() -> None:
+    settings = Rewards(strict_above=0.0, strict_share=0.5)
+    # no robot stands that high, so all break this limit at every step
+    high = Terminations(base_height=1.0)
+    env = make(randomisation=ALIKE, terminations=high, rewards=settings)
+    _, rewards, done, _ = env.step(torch.zeros(ENVS, 12))
+    assert done[: ENVS // 2].all() and not done[ENVS // 2 :].any() and (rewards == 0).all()
+    env.judge()
+    assert env.step(torch.zeros(ENVS, 12))[2].all()
+
+
 def test_robots_differ_within_the_settings() -> None:
     settings, simulation = Settings().world.randomisation, make().simulation
     trunk, model = simulation._trunk, simulation._model

@@ -83,6 +83,7 @@ class GaitEnv(VecEnv):
         self._last_joint_velocity = torch.zeros(n, self.num_actions)
         self._dwell_reward = torch.zeros(n)
         self._made, self._allowed = torch.zeros(n), torch.zeros(n)  # transitions, this episode
+        self._held = torch.arange(n) < round(world.rewards.strict_share * n)  # to strict demands
         self._vary_robots()
         self._begin(torch.arange(n))
         self._observed = self._observe()
@@ -110,13 +111,15 @@ class GaitEnv(VecEnv):
 
         landed_after = self.contacts.observe(self.simulation)
         step, wrong = self._step_machine()
+        beyond = self._beyond_limits(taken)
+        wrong = wrong | beyond
         explained = machine.explained(self.machine, self.state, self.contacts.label)
         rewards, walk = self._reward(taken, landed_after, step, wrong)
         undefined = ~rewards.isfinite()
         self.failures += int((failed | undefined).sum())
         failed = failed | undefined
         down = ending.down(self.simulation, self.world.terminations)
-        ended = down | self._beyond_limits(taken) | step.rejected | failed
+        ended = down | (beyond & self._held) | step.rejected | failed
         rewards = torch.where(failed, torch.zeros(()), rewards)
         self.state, self.phi = step.state, step.phi
         self._last_action = taken
@@ -141,6 +144,11 @@ class GaitEnv(VecEnv):
         """Sums since the last call."""
         tally, self._tally = self._tally, Tally.zeros(self.num_envs)
         return tally
+
+    def judge(self) -> None:
+        """From now on all rules of the gait and all limits hold, for every robot."""
+        self.demands.strict = True
+        self._held[:] = True
 
     def fix_commands(self, commands: Tensor) -> None:
         """From now on each robot keeps its row of ``commands``, (n, 3), or all keep (3,)."""
@@ -180,18 +188,18 @@ class GaitEnv(VecEnv):
     def _step_machine(self) -> tuple[machine.Step, Tensor]:
         """The automaton's step, and the robots whose contacts a reject edge forbids (n,).
 
-        Until the demands are strict these wait in their state instead of falling into the sink.
+        Those to whom strict demands do not apply wait in their state, out of the sink.
         """
         step = machine.step(
             self.machine, self.state, self.phi, self.contacts.label, self.command[:, 2],
             self.episode_length_buf,
         )  # fmt: skip
         wrong = step.rejected
-        if self.demands.strict:
-            return step, wrong
-        state = torch.where(wrong, self.state, step.state)
-        phi = torch.where(wrong, self.phi + 1, step.phi)
-        return machine.Step(state, phi, step.advanced, torch.zeros_like(wrong)), wrong
+        sunk = wrong & self._held if self.demands.strict else torch.zeros_like(wrong)
+        waiting = wrong & ~sunk
+        state = torch.where(waiting, self.state, step.state)
+        phi = torch.where(waiting, self.phi + 1, step.phi)
+        return machine.Step(state, phi, step.advanced, sunk), wrong
 
     def _reward(
         self, taken: Tensor, landed_after: Tensor, step: machine.Step, wrong: Tensor
@@ -210,7 +218,7 @@ class GaitEnv(VecEnv):
         return torch.where(step.advanced, praised * settings.bonus, walk), walk
 
     def _beyond_limits(self, taken: Tensor) -> Tensor:
-        """Robots that break a limit which ends the episode once the demands are strict."""
+        """Robots that break a limit, once the demands are strict."""
         if not self.demands.strict:
             return torch.zeros(self.num_envs, dtype=torch.bool)
         return ending.beyond_limits(

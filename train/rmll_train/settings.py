@@ -49,6 +49,9 @@ class Rewards:
     limit of ``Terminations``. Until then forbidden contacts only earn nothing, and an episode ends
     when the robot is down: ended at the first wrong step, it never learns the second right one.
     0 = strict from the beginning, as in the paper"""
+    strict_share: float = 1.0
+    """Share of the robots to which strict demands apply. Those of the others that break them earn
+    nothing until they keep them again: pushed out of its gait, a robot then learns the way back"""
     joint_limit: float = -10.0
     """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
     power: float = -0.01
