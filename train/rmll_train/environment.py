@@ -83,7 +83,6 @@ class GaitEnv(VecEnv):
         self._last_joint_velocity = torch.zeros(n, self.num_actions)
         self._dwell_reward = torch.zeros(n)
         self._made, self._allowed = torch.zeros(n), torch.zeros(n)  # transitions, this episode
-        self._held = torch.arange(n) < round(world.rewards.strict_share * n)  # to strict demands
         self._vary_robots()
         self._begin(torch.arange(n))
         self._observed = self._observe()
@@ -111,15 +110,13 @@ class GaitEnv(VecEnv):
 
         landed_after = self.contacts.observe(self.simulation)
         step, wrong = self._step_machine()
-        beyond = self._beyond_limits(taken)
-        wrong = wrong | beyond
         explained = machine.explained(self.machine, self.state, self.contacts.label)
         rewards, walk = self._reward(taken, landed_after, step, wrong)
         undefined = ~rewards.isfinite()
         self.failures += int((failed | undefined).sum())
         failed = failed | undefined
         down = ending.down(self.simulation, self.world.terminations)
-        ended = down | (beyond & self._held) | step.rejected | failed
+        ended = down | self._beyond_limits(taken) | step.rejected | failed
         rewards = torch.where(failed, torch.zeros(()), rewards)
         self.state, self.phi = step.state, step.phi
         self._last_action = taken
@@ -146,9 +143,8 @@ class GaitEnv(VecEnv):
         return tally
 
     def judge(self) -> None:
-        """From now on all rules of the gait and all limits hold, for every robot."""
+        """From now on all rules of the gait and all limits hold."""
         self.demands.strict = True
-        self._held[:] = True
 
     def fix_commands(self, commands: Tensor) -> None:
         """From now on each robot keeps its row of ``commands``, (n, 3), or all keep (3,)."""
@@ -188,18 +184,18 @@ class GaitEnv(VecEnv):
     def _step_machine(self) -> tuple[machine.Step, Tensor]:
         """The automaton's step, and the robots whose contacts a reject edge forbids (n,).
 
-        Those to whom strict demands do not apply wait in their state, out of the sink.
+        Until the demands are strict these wait in their state instead of falling into the sink.
         """
         step = machine.step(
             self.machine, self.state, self.phi, self.contacts.label, self.command[:, 2],
             self.episode_length_buf,
         )  # fmt: skip
         wrong = step.rejected
-        sunk = wrong & self._held if self.demands.strict else torch.zeros_like(wrong)
-        waiting = wrong & ~sunk
-        state = torch.where(waiting, self.state, step.state)
-        phi = torch.where(waiting, self.phi + 1, step.phi)
-        return machine.Step(state, phi, step.advanced, sunk), wrong
+        if self.demands.strict:
+            return step, wrong
+        state = torch.where(wrong, self.state, step.state)
+        phi = torch.where(wrong, self.phi + 1, step.phi)
+        return machine.Step(state, phi, step.advanced, torch.zeros_like(wrong)), wrong
 
     def _reward(
         self, taken: Tensor, landed_after: Tensor, step: machine.Step, wrong: Tensor
@@ -215,10 +211,16 @@ class GaitEnv(VecEnv):
         self._dwell_reward = self._dwell_reward + walk
         praised = walk if settings.bonus_on == "step" else self._dwell_reward / (self.phi + 1)
         self._dwell_reward = self._dwell_reward * ~step.advanced
-        return torch.where(step.advanced, praised * settings.bonus, walk), walk
+        return torch.where(step.advanced, praised * self._bonus(), walk), walk
+
+    def _bonus(self) -> Tensor:
+        """What a transition multiplies, (n,)."""
+        settings, frequency = self.world.rewards, sum(self.table.commands.frequency) / 2
+        share = transition_rate(self.table, frequency) / self._rate
+        return settings.bonus * (share if settings.bonus_per == "time" else torch.ones(()))
 
     def _beyond_limits(self, taken: Tensor) -> Tensor:
-        """Robots that break a limit, once the demands are strict."""
+        """Robots that break a limit which ends the episode once the demands are strict."""
         if not self.demands.strict:
             return torch.zeros(self.num_envs, dtype=torch.bool)
         return ending.beyond_limits(

@@ -24,8 +24,9 @@ class Rewards:
 
     velocity_x: float = 1.0
     """exp(-(c_x - v_x)^2 / width)"""
-    velocity_yaw: float = 0.5
-    """exp(-(c_w - w_z)^2 / width)"""
+    velocity_yaw: float = 1.0
+    """exp(-(c_w - w_z)^2 / width). The paper has 0.5, at which robots sway around their course, and
+    a pace that goes fast does not turn"""
     width: float = 0.25
     velocity_z: float = -2.0
     angular_velocity_xy: float = -0.05
@@ -34,7 +35,7 @@ class Rewards:
     air_time: float = 1.0
     """sum of (time in the air - 0.5 s) at touch-down"""
     action_rate: float = -0.01
-    pressure: tuple[float, float] = (0.2, 2.0)
+    pressure: tuple[float, float] = (0.2, 1.5)
     """Range of the factor on all costs. Within it the factor grows while robots hold the gait and
     their speed, and shrinks while they do not: first the gait emerges, then it becomes efficient.
     Above 1 it narrows ``width`` too, that of the forward velocity by its square, so that efficiency
@@ -49,9 +50,6 @@ class Rewards:
     limit of ``Terminations``. Until then forbidden contacts only earn nothing, and an episode ends
     when the robot is down: ended at the first wrong step, it never learns the second right one.
     0 = strict from the beginning, as in the paper"""
-    strict_share: float = 1.0
-    """Share of the robots to which strict demands apply. Those of the others that break them earn
-    nothing until they keep them again: pushed out of its gait, a robot then learns the way back"""
     joint_limit: float = -10.0
     """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
     power: float = -0.01
@@ -66,6 +64,10 @@ class Rewards:
     untrained policy already pay their bonus (Ji et al. 2022)."""
     bonus: float = 1000.0
     """b: a transition multiplies the reward of its step"""
+    bonus_per: Literal["time", "transition"] = "time"
+    """Transitions are rarer the larger c_f is. "time" raises their bonus in step, as compared with
+    the middle of the gait's range, so that slow and fast walking earn the same; the paper pays each
+    transition alike"""
     bonus_on: Literal["dwell", "step"] = "dwell"
     """What a transition's bonus multiplies: R_walk of its step (the paper), or the mean of R_walk
     since the last transition, so that the motion between the poses counts as well"""
@@ -234,7 +236,8 @@ class Settings:
 def paper(settings: Settings) -> Settings:
     """The paper's observation, rewards and learner; what we added is off."""
     rewards = replace(
-        settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0,
+        settings.world.rewards, form="clip", bonus_on="step", bonus_per="transition", power=0.0,
+        velocity_y=0.0, velocity_yaw=0.5,
         pressure=(1.0, 1.0), strict_above=0.0,
     )  # fmt: skip
     randomisation = replace(

@@ -40,6 +40,8 @@ WITHOUT: dict[str, dict[str, Any]] = {
     "": {},
     "form": {"world": {"rewards": {"form": "clip"}}},
     "dwell": {"world": {"rewards": {"bonus_on": "step"}}},
+    "time": {"world": {"rewards": {"bonus_per": "transition"}}},
+    "turning": {"world": {"rewards": {"velocity_yaw": 0.5}}},
     "pressure": {"world": {"rewards": {"pressure": [1.0, 1.0]}}},
     "lenience": {"world": {"rewards": {"strict_above": 0.0}}},
     "start": {"world": {"start": "first"}},
