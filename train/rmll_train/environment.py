@@ -211,13 +211,7 @@ class GaitEnv(VecEnv):
         self._dwell_reward = self._dwell_reward + walk
         praised = walk if settings.bonus_on == "step" else self._dwell_reward / (self.phi + 1)
         self._dwell_reward = self._dwell_reward * ~step.advanced
-        return torch.where(step.advanced, praised * self._bonus(), walk), walk
-
-    def _bonus(self) -> Tensor:
-        """What a transition multiplies, (n,)."""
-        settings, frequency = self.world.rewards, sum(self.table.commands.frequency) / 2
-        share = transition_rate(self.table, frequency) / self._rate
-        return settings.bonus * (share if settings.bonus_per == "time" else torch.ones(()))
+        return torch.where(step.advanced, praised * settings.bonus, walk), walk
 
     def _beyond_limits(self, taken: Tensor) -> Tensor:
         """Robots that break a limit which ends the episode once the demands are strict."""

@@ -64,10 +64,6 @@ class Rewards:
     untrained policy already pay their bonus (Ji et al. 2022)."""
     bonus: float = 1000.0
     """b: a transition multiplies the reward of its step"""
-    bonus_per: Literal["time", "transition"] = "time"
-    """Transitions are rarer the larger c_f is. "time" raises their bonus in step, as compared with
-    the middle of the gait's range, so that slow and fast walking earn the same; the paper pays each
-    transition alike"""
     bonus_on: Literal["dwell", "step"] = "dwell"
     """What a transition's bonus multiplies: R_walk of its step (the paper), or the mean of R_walk
     since the last transition, so that the motion between the poses counts as well"""
@@ -190,7 +186,10 @@ class Learner:
     """Weight of the action distribution's entropy, until the demands are strict and from then on:
     the noise that finds a gait hides what an efficient one would gain"""
     initial_std: float = 1.0
-    minimum_std: float = 0.05
+    minimum_std: tuple[float, float] = (0.4, 0.1)
+    """Least spread of the actions, at the first and at the last of ``steps``, linearly in between.
+    A policy that is sure too soon no longer learns to recover: its spread also bounds how far an
+    update goes"""
     max_gradient: float = 1.0
     estimator_hidden: tuple[int, ...] = (128, 128)
     estimator_rate: float = 1e-3
@@ -226,6 +225,11 @@ class Settings:
         for name, size in sizes.items():
             if size < 1:
                 raise InputError(f"{name} is {size}, expected at least 1")
+        if not all(0 < floor <= 2 for floor in learner.minimum_std):
+            raise InputError(
+                f"learner.minimum_std is {list(learner.minimum_std)}, expected two numbers above 0 "
+                "and up to 2"
+            )
         if envs * learner.rollout < learner.mini_batches:
             raise InputError(
                 f"{envs} robots x {learner.rollout} steps cannot be split into "
@@ -236,9 +240,8 @@ class Settings:
 def paper(settings: Settings) -> Settings:
     """The paper's observation, rewards and learner; what we added is off."""
     rewards = replace(
-        settings.world.rewards, form="clip", bonus_on="step", bonus_per="transition", power=0.0,
-        velocity_y=0.0, velocity_yaw=0.5,
-        pressure=(1.0, 1.0), strict_above=0.0,
+        settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0,
+        velocity_yaw=0.5, pressure=(1.0, 1.0), strict_above=0.0,
     )  # fmt: skip
     randomisation = replace(
         settings.world.randomisation, added_mass=(0.0, 0.0), centre_of_mass=0.0,
@@ -250,7 +253,8 @@ def paper(settings: Settings) -> Settings:
     )  # fmt: skip
     learner = replace(settings.learner, steps=100_000_000, normalise_returns=False, bf16=False,
                       clip_value=True, symmetry=False, rate_range=(1e-5, 1e-2),
-                      entropy=(0.01, 0.01), epochs=5, spread_rate=1.0, rollout=24)  # fmt: skip
+                      entropy=(0.01, 0.01), epochs=5, spread_rate=1.0, rollout=24,
+                      minimum_std=(0.05, 0.05))  # fmt: skip
     return replace(settings, world=world, learner=learner)
 
 
