@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 WINDOW = 50
 """Policy steps in which a walking foot is both lifted and loaded: the longest stance of the
 library's gaits takes 30 of them, the longest swing 36"""
+_EVERY = 5
+"""Policy steps from one look at a whole window to the next; sensors drift slower than that"""
 _GLITCHES = 2
 """So many readings at either end of a window are not believed"""
 _NEAR = 1 / 3
@@ -72,7 +74,8 @@ class FootCalibration:
     def walk(self, foot_force: NDArray[np.int16]) -> None:
         """Follow the feet of a walking robot."""
         self._keep(foot_force)
-        if self._count <= _GLITCHES:
+        seen_before = self._count > WINDOW and self._count % _EVERY
+        if self._count <= _GLITCHES or seen_before:
             return
         ordered = self._ordered()
         low, high = ordered[:, _GLITCHES], ordered[:, -1 - _GLITCHES]
