@@ -7,7 +7,6 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 import torch
@@ -162,10 +161,9 @@ def test_a_file_that_is_no_checkpoint_is_refused_in_one_line(tmp_path: Path) -> 
         load_checkpoint(tmp_path)
 
 
-def learner(**settings: Any) -> GaitPPO:
+def learner() -> GaitPPO:
     torch.manual_seed(0)
-    env = GaitEnv(load_gait("trot"), A1, SMALL.world, 0)
-    return GaitPPO(env, replace(SMALL.learner, **settings))
+    return GaitPPO(GaitEnv(load_gait("trot"), A1, SMALL.world, 0), SMALL.learner)
 
 
 def roll_out(ppo: GaitPPO, env: GaitEnv, poison: bool) -> None:
@@ -210,15 +208,6 @@ def test_policy_and_estimator_learn_each_from_its_own_loss_alone() -> None:
         learned.append(ppo.policy.mlp.state_dict())
     # the estimator's gradients, of whatever size, do not count when PPO clips the actor's
     assert all(torch.equal(learned[0][name], value) for name, value in learned[1].items())
-
-
-def test_the_floor_of_the_spread_falls_along_the_run() -> None:
-    ppo = learner(initial_std=0.01, minimum_std=(0.4, 0.1))
-    env = GaitEnv(load_gait("trot"), A1, SMALL.world, 0)
-    for share, floor in ((0.0, 0.4), (0.5, 0.25), (1.0, 0.1), (2.0, 0.1)):
-        ppo.come_to(share)
-        ppo.act(env.get_observations())
-        assert ppo.policy.distribution.std.mean().item() == pytest.approx(floor)
 
 
 def test_returns_scaled_have_unit_spread() -> None:

@@ -80,7 +80,7 @@ class GaitPPO(PPO):
 
     def __init__(self, env: GaitEnv, settings: Learner):
         s = settings
-        self._rate_range, self._minimum_std = s.rate_range, s.minimum_std
+        self._rate_range = s.rate_range
         obs = env.get_observations()
         states = images(env.table, s.symmetry)
         actor = EstimatingActor(
@@ -89,7 +89,7 @@ class GaitPPO(PPO):
             estimator_hidden=s.estimator_hidden,
             distribution_cfg={
                 "class_name": "GaussianDistribution", "init_std": s.initial_std, "std_type": "log",
-                "std_range": (s.minimum_std[0], 2.0),
+                "std_range": (s.minimum_std, 2.0),
             },
         )  # fmt: skip
         critic = FoldedCritic(
@@ -132,12 +132,6 @@ class GaitPPO(PPO):
     def learning_rate(self, wanted: float) -> None:
         low, high = self._rate_range
         self._learning_rate = min(high, max(low, wanted))
-
-    def come_to(self, share: float) -> None:
-        """So much of the run is done; the floor of the actions' spread falls in step."""
-        first, last = self._minimum_std
-        floor = first + min(1.0, share) * (last - first)
-        self.policy.distribution.log_std_range[0] = math.log(floor)
 
     def act(self, obs: TensorDict) -> Tensor:
         """Actions (envs, 12) with exploration; remembers what the update needs."""

@@ -186,10 +186,7 @@ class Learner:
     """Weight of the action distribution's entropy, until the demands are strict and from then on:
     the noise that finds a gait hides what an efficient one would gain"""
     initial_std: float = 1.0
-    minimum_std: tuple[float, float] = (0.4, 0.1)
-    """Least spread of the actions, at the first and at the last of ``steps``, linearly in between.
-    A policy that is sure too soon no longer learns to recover: its spread also bounds how far an
-    update goes"""
+    minimum_std: float = 0.05
     max_gradient: float = 1.0
     estimator_hidden: tuple[int, ...] = (128, 128)
     estimator_rate: float = 1e-3
@@ -225,11 +222,6 @@ class Settings:
         for name, size in sizes.items():
             if size < 1:
                 raise InputError(f"{name} is {size}, expected at least 1")
-        if not all(0 < floor <= 2 for floor in learner.minimum_std):
-            raise InputError(
-                f"learner.minimum_std is {list(learner.minimum_std)}, expected two numbers above 0 "
-                "and up to 2"
-            )
         if envs * learner.rollout < learner.mini_batches:
             raise InputError(
                 f"{envs} robots x {learner.rollout} steps cannot be split into "
@@ -253,8 +245,7 @@ def paper(settings: Settings) -> Settings:
     )  # fmt: skip
     learner = replace(settings.learner, steps=100_000_000, normalise_returns=False, bf16=False,
                       clip_value=True, symmetry=False, rate_range=(1e-5, 1e-2),
-                      entropy=(0.01, 0.01), epochs=5, spread_rate=1.0, rollout=24,
-                      minimum_std=(0.05, 0.05))  # fmt: skip
+                      entropy=(0.01, 0.01), epochs=5, spread_rate=1.0, rollout=24)  # fmt: skip
     return replace(settings, world=world, learner=learner)
 
 

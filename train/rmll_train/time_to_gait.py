@@ -49,7 +49,6 @@ WITHOUT: dict[str, dict[str, Any]] = {
     "rates": {"learner": {"rate_range": [1e-5, 1e-2]}},
     "entropy": {"learner": {"entropy": [0.01, 0.01]}},
     "spread": {"learner": {"spread_rate": 1.0}},
-    "floor": {"learner": {"minimum_std": [0.05, 0.05]}},
     "epochs": {"learner": {"epochs": 5}},
     "rollout": {"learner": {"rollout": 24}},
     "bf16": {"learner": {"bf16": False}},

@@ -108,7 +108,6 @@ class Run:
         """Collect one rollout and learn from it."""
         began = time.monotonic()
         env, learner, rollout = self._env, self._learner, self._settings.learner.rollout
-        learner.come_to(self.steps / self._settings.learner.steps)
         obs = env.get_observations()
         with torch.inference_mode():
             for _ in range(rollout):
