@@ -28,6 +28,7 @@ def card(contract: Contract, bundle: str, evaluations: Sequence[Mapping[str, Any
         "simulated robots": origin["settings"]["world"]["envs"],
         "seed": origin["seed"],
         "commit": f"`{origin['commit']}`",
+        **_stages(origin.get("stages", [])),
         "trained by": f"{origin['trained_by']}, torch {origin['torch']}, MuJoCo {origin['mujoco']}",
         "failed simulations, skipped optimiser steps": f"{origin['failed_simulations']}, "
         f"{origin['skipped_steps']}",
@@ -44,6 +45,12 @@ def card(contract: Contract, bundle: str, evaluations: Sequence[Mapping[str, Any
         where = _WORLDS[evaluation["world"]]
         parts += [f"{where} (`{_call(evaluation)}`):\n", _measured(evaluation)]
     return "\n".join(parts)
+
+
+def _stages(stages: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """A row for the part of a run that had other code or settings, if there is one."""
+    told = [f"up to step {stage['steps']:,} at `{stage['commit']}`" for stage in stages]
+    return {"with other code or settings": ", ".join(told)} if told else {}
 
 
 def _call(evaluation: Mapping[str, Any]) -> str:

@@ -47,12 +47,13 @@ def _train(
         envs: simulated robots.
         seed: of the networks, the robots and the commands.
         runs: the run's folder is made in here, as GAIT/TIME-seedN.
-        resume: folder of a run to go on with, with its own settings.
+        resume: folder of a run to go on with. With --settings, what that file names changes from
+            here on; the policy's provenance then tells of both stages.
     """
     if resume is not None:
-        if gait or settings or envs or seed is not None or preset != "default":
-            raise InputError("--resume takes the run's own settings; only --steps can be given")
-        chosen, folder = settings_file.load(_existing(resume / SETTINGS), Settings()), resume
+        if gait or envs or seed is not None or preset != "default":
+            raise InputError("--resume takes the run's own settings, under --settings and --steps")
+        chosen, folder = _continued(resume, settings), resume
     else:
         if not gait and settings is None:
             raise InputError("name a gait: --gait trot")
@@ -85,6 +86,15 @@ def _chosen(
     world = chosen.world if envs is None else replace(chosen.world, envs=envs)
     seed = chosen.seed if seed is None else seed
     return replace(chosen, gait=gait or chosen.gait, seed=seed, world=world)
+
+
+def _continued(run: Path, overlay: Path | None) -> Settings:
+    """The run's settings, under the settings file."""
+    before = settings_file.load(_existing(run / SETTINGS), Settings())
+    chosen = before if overlay is None else settings_file.load(overlay, before)
+    if (chosen.gait, chosen.seed) != (before.gait, before.seed):
+        raise InputError(f"{overlay}: a run cannot change its gait or seed")
+    return chosen
 
 
 def _existing(path: Path) -> Path:

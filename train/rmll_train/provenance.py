@@ -18,8 +18,26 @@ def origin(settings: Settings) -> dict[str, Any]:
         "seed": settings.seed,
         "torch": version("torch"),
         "mujoco": version("mujoco"),
-        "settings": msgspec.to_builtins(settings),
+        # as JSON has it, tuples being lists: what has travelled with a policy compares equal
+        "settings": msgspec.json.decode(msgspec.json.encode(settings)),
     }
+
+
+def stages(before: dict[str, Any], now: dict[str, Any]) -> list[dict[str, Any]]:
+    """What a run did with other code or settings than ``now``, oldest first.
+
+    ``before`` is the provenance that it had when it stopped, ``now`` the :func:`origin` with which
+    it goes on. Each stage tells up to which step it went. More steps alone make no new stage.
+    """
+    earlier = list(before.get("stages", []))
+    if before["commit"] != now["commit"] or _lasting(before) != _lasting(now):
+        earlier.append({name: before[name] for name in ("steps", "commit", "settings")})
+    return earlier
+
+
+def _lasting(origin: dict[str, Any]) -> dict[str, Any]:
+    settings = origin["settings"]
+    return settings | {"learner": settings["learner"] | {"steps": None}}
 
 
 def _commit() -> str:

@@ -15,12 +15,17 @@ from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait
 from rmll_robots import A1
 from rmll_train import settings as settings_file
-from rmll_train.checkpoint import load_checkpoint, save_checkpoint, save_policy
+from rmll_train.checkpoint import (
+    load_checkpoint,
+    load_provenance,
+    save_checkpoint,
+    save_policy,
+)
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import evaluate, golden_trace
 from rmll_train.learner import GaitPPO
 from rmll_train.network import EstimatingActor
-from rmll_train.provenance import origin
+from rmll_train.provenance import origin, stages
 from rmll_train.settings import Settings
 
 SETTINGS = "settings.yaml"
@@ -56,7 +61,7 @@ def train(folder: Path, settings: Settings, report: Report, resume: bool) -> boo
     if resume:
         saved = load_checkpoint(folder)
         try:
-            run.restore(saved)
+            run.restore(saved, load_provenance(folder))
         except (KeyError, RuntimeError, ValueError) as error:
             raise InputError(
                 f"{folder}: its checkpoint is of another version of rmll-train or of other "
@@ -94,6 +99,8 @@ class Run:
         torch.manual_seed(settings.seed)
         self._settings = settings
         self._origin = origin(settings)
+        self._stages: list[dict[str, Any]] = []
+        """Earlier ones of a run that goes on with other code or settings"""
         self._env = GaitEnv(load_gait(settings.gait), A1, settings.world, settings.seed)
         self._learner = GaitPPO(self._env, settings.learner)
         self.steps = 0
@@ -143,11 +150,13 @@ class Run:
             "steps": self.steps,
             "seconds": self.seconds,
         }
-        save_checkpoint(folder, state)
+        # this order, so that whoever has a checkpoint to go on from knows where it comes from
         self._save_policy(folder, self._provenance())
+        save_checkpoint(folder, state)
 
-    def restore(self, saved: dict[str, Any]) -> None:
-        """Go on from what :meth:`save` wrote."""
+    def restore(self, saved: dict[str, Any], provenance: dict[str, Any]) -> None:
+        """Go on from what :meth:`save` wrote; ``provenance`` is that of its policy."""
+        self._stages = stages(provenance, self._origin)
         self._learner.restore(saved["learner"])
         self._env.load_state_dict(saved["environment"])
         torch.set_rng_state(saved["random"])
@@ -171,6 +180,7 @@ class Run:
             "minutes": round(self.seconds / 60, 2),
             "failed_simulations": self._env.failures,
             "skipped_steps": self._learner.skipped_steps,
+            "stages": self._stages,
         }
 
 
