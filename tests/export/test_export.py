@@ -134,8 +134,10 @@ def test_the_card_tells_what_was_measured_and_by_which_command(tmp_path: Path) -
         "energy_at_the_papers_speeds": None,
     }  # fmt: skip
     contract = read(SHIPPED / "trot.safetensors").contract
+    contract.provenance["stages"] = [{"steps": 5000, "commit": "abc", "settings": {}}]
     text = card(contract, "trot.onnx", [evaluation])
     command = "rmll-eval gait trot --episodes 20 --seconds 20 --ground rough --level 5 --pushes"
     assert f"`{command}`" in text
     assert "| adherence | 0.987 | 0.9 |" in text
     assert "| falls | 1 of 20 | |" in text
+    assert "| with other code or settings | up to step 5,000 at `abc` |" in text

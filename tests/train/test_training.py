@@ -20,11 +20,12 @@ from rmll_gaits.load import load_gait
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.controller import prove
 from rmll_robots import A1
-from rmll_train.checkpoint import load_checkpoint, save_checkpoint
+from rmll_train.checkpoint import load_checkpoint, load_provenance, save_checkpoint
+from rmll_train.cli import _continued
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import golden_trace
 from rmll_train.learner import GaitPPO, ReturnScale
-from rmll_train.settings import Learner, Settings, World
+from rmll_train.settings import Learner, Settings, World, to_yaml
 from rmll_train.training import train
 
 ENVS, ROLLOUT = 16, 8
@@ -79,6 +80,34 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(tmp_path: Path) -> None:
     assert found["steps"] == expected["steps"]
     for name, value in expected["learner"]["actor_state_dict"].items():
         assert torch.allclose(found["learner"]["actor_state_dict"][name], value, atol=1e-4), name
+
+
+def test_a_run_that_goes_on_with_other_settings_tells_of_its_stages(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    first = steps(SMALL, 1)
+    train(run, first, quiet, resume=False)
+    train(run, steps(SMALL, 2), quiet, resume=True)
+    assert load_provenance(run)["stages"] == []  # more steps alone are no new stage
+    rewards = replace(first.world.rewards, velocity_yaw=2.0)
+    other = replace(first, world=replace(first.world, rewards=rewards))
+    train(run, steps(other, 3), quiet, resume=True)
+    train(run, steps(other, 4), quiet, resume=True)
+    found = load_provenance(run)
+    weights = [stage["settings"]["world"]["rewards"]["velocity_yaw"] for stage in found["stages"]]
+    assert weights == [1.0] and found["settings"]["world"]["rewards"]["velocity_yaw"] == 2.0
+    assert [stage["steps"] for stage in found["stages"]] == [2 * ENVS * ROLLOUT]
+    assert found["steps"] == 4 * ENVS * ROLLOUT
+
+
+def test_resuming_takes_changed_settings_from_a_file(tmp_path: Path) -> None:
+    before = replace(SMALL, seed=3)
+    (tmp_path / "settings.yaml").write_text(to_yaml(before))
+    overlay = tmp_path / "overlay.yaml"
+    overlay.write_text("world: {episode: 5.0}")
+    assert _continued(tmp_path, overlay) == replace(before, world=replace(SMALL.world, episode=5.0))
+    overlay.write_text("seed: 4")
+    with pytest.raises(InputError, match=r"overlay.yaml: a run cannot change its gait or seed"):
+        _continued(tmp_path, overlay)
 
 
 def test_a_run_that_was_killed_goes_on_without_a_jump_in_its_curves(tmp_path: Path) -> None:
