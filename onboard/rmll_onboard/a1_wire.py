@@ -313,7 +313,7 @@ def _checked(datagram: bytes, kind: np.dtype) -> NDArray[np.void]:
 
 def _saturated(counts: NDArray) -> NDArray:
     # the cast to int16 that follows truncates towards zero, as the SDK does
-    return np.minimum(np.maximum(counts, -32768), 32767)
+    return counts.clip(-32768, 32767)
 
 
 def _finite(arrays: tuple[NDArray, ...]) -> bool:

@@ -100,7 +100,7 @@ class Controller:
         Returns:
             Joint targets [rad] (12,), before any safety limit.
         """
-        self.command = np.minimum(np.maximum(command, self._low), self._high)
+        self.command = np.clip(command, self._low, self._high)
         self.down = label.hysteresis(self.down, touching, clear)
         self.label = int(label.label(self.down))
         self._progress.step(self.label, self.command[2])

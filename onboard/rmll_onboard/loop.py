@@ -113,9 +113,9 @@ class Loop:
             early = self._link.receive()
             began = time.monotonic_ns()
             self._understudy.rehearse(began, early)
-            # once more if there is time: what has been seen twice is foreseen by the processor
             done = time.monotonic_ns()
-            if 2 * done - began < deadline:
+            # once more if there is time: what has been seen twice is foreseen by the processor
+            if done + (done - began) < deadline:
                 self._understudy.rehearse(done, early)
         else:
             _sleep_until(deadline - self._early)

@@ -155,9 +155,7 @@ class Supervisor:
         damping = kd * state.dq
         low = state.q + (damping - self._torque_limit) / kp
         high = state.q + (damping + self._torque_limit) / kp
-        # in place of clip(), which takes four times as long
-        within = np.minimum(np.maximum(wanted, robot.joint_lower), robot.joint_upper)
-        return np.minimum(np.maximum(within, low), high)
+        return wanted.clip(robot.joint_lower, robot.joint_upper).clip(low, high)
 
     def _fill(self, q: Array | float, kp: float, kd: float) -> MotorCommand:
         command = self._command

@@ -7,6 +7,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -20,7 +21,7 @@ from rmll_gaits.load import load_gait
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.controller import prove
 from rmll_robots import A1
-from rmll_train.checkpoint import load_checkpoint, load_provenance, save_checkpoint
+from rmll_train.checkpoint import load_checkpoint, save_checkpoint
 from rmll_train.cli import _continued
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import golden_trace
@@ -87,16 +88,20 @@ def test_a_run_that_goes_on_with_other_settings_tells_of_its_stages(tmp_path: Pa
     first = steps(SMALL, 1)
     train(run, first, quiet, resume=False)
     train(run, steps(SMALL, 2), quiet, resume=True)
-    assert load_provenance(run)["stages"] == []  # more steps alone are no new stage
+    assert provenance(run)["stages"] == []  # more steps alone are no new stage
     rewards = replace(first.world.rewards, velocity_yaw=2.0)
     other = replace(first, world=replace(first.world, rewards=rewards))
     train(run, steps(other, 3), quiet, resume=True)
     train(run, steps(other, 4), quiet, resume=True)
-    found = load_provenance(run)
+    found = provenance(run)
     weights = [stage["settings"]["world"]["rewards"]["velocity_yaw"] for stage in found["stages"]]
     assert weights == [1.0] and found["settings"]["world"]["rewards"]["velocity_yaw"] == 2.0
     assert [stage["steps"] for stage in found["stages"]] == [2 * ENVS * ROLLOUT]
     assert found["steps"] == 4 * ENVS * ROLLOUT
+
+
+def provenance(run: Path) -> dict[str, Any]:
+    return read(run / "policy.safetensors").contract.provenance
 
 
 def test_resuming_takes_changed_settings_from_a_file(tmp_path: Path) -> None:

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
-from rmll_contract.contract import KEY, Labels, Trace, decode, describe, encode, seal
+from rmll_contract.contract import KEY, Labels, Trace, describe, encode, seal
 from rmll_gaits.errors import InputError
 from rmll_train.environment import GaitEnv
 from rmll_train.folding import Fold
@@ -42,17 +41,6 @@ def load_checkpoint(run: Path) -> dict[str, Any]:
         return torch.load(path, weights_only=True)
     except (RuntimeError, EOFError, pickle.UnpicklingError, ValueError) as error:
         raise InputError(f"{path}: not a checkpoint of rmll-train") from error
-
-
-def load_provenance(run: Path) -> dict[str, Any]:
-    """How the run's policy came to be; InputError if there is none."""
-    path = run / POLICY
-    try:
-        with safe_open(str(path), framework="pt") as file:
-            header = (file.metadata() or {}).get(KEY, "")
-    except (OSError, SafetensorError) as error:
-        raise InputError(f"{path}: not a policy of rmll-train: {error}") from error
-    return decode(header, str(path)).provenance
 
 
 def save_policy(

@@ -142,10 +142,6 @@ class GaitEnv(VecEnv):
         tally, self._tally = self._tally, Tally.zeros(self.num_envs)
         return tally
 
-    def judge(self) -> None:
-        """From now on all rules of the gait and all limits hold."""
-        self.demands.strict = True
-
     def fix_commands(self, commands: Tensor) -> None:
         """From now on each robot keeps its row of ``commands``, (n, 3), or all keep (3,)."""
         self._fixed = commands.expand(self.num_envs, 3)

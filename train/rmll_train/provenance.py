@@ -18,8 +18,7 @@ def origin(settings: Settings) -> dict[str, Any]:
         "seed": settings.seed,
         "torch": version("torch"),
         "mujoco": version("mujoco"),
-        # as JSON has it, tuples being lists: what has travelled with a policy compares equal
-        "settings": msgspec.json.decode(msgspec.json.encode(settings)),
+        "settings": msgspec.to_builtins(settings),
     }
 
 
@@ -29,10 +28,9 @@ def stages(before: dict[str, Any], now: dict[str, Any]) -> list[dict[str, Any]]:
     ``before`` is the provenance that it had when it stopped, ``now`` the :func:`origin` with which
     it goes on. Each stage tells up to which step it went. More steps alone make no new stage.
     """
-    earlier = list(before.get("stages", []))
-    if before["commit"] != now["commit"] or _lasting(before) != _lasting(now):
-        earlier.append({name: before[name] for name in ("steps", "commit", "settings")})
-    return earlier
+    if before["commit"] == now["commit"] and _lasting(before) == _lasting(now):
+        return before["stages"]
+    return [*before["stages"], {name: before[name] for name in ("steps", "commit", "settings")}]
 
 
 def _lasting(origin: dict[str, Any]) -> dict[str, Any]:

@@ -15,12 +15,7 @@ from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait
 from rmll_robots import A1
 from rmll_train import settings as settings_file
-from rmll_train.checkpoint import (
-    load_checkpoint,
-    load_provenance,
-    save_checkpoint,
-    save_policy,
-)
+from rmll_train.checkpoint import load_checkpoint, save_checkpoint, save_policy
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import evaluate, golden_trace
 from rmll_train.learner import GaitPPO
@@ -61,7 +56,7 @@ def train(folder: Path, settings: Settings, report: Report, resume: bool) -> boo
     if resume:
         saved = load_checkpoint(folder)
         try:
-            run.restore(saved, load_provenance(folder))
+            run.restore(saved)
         except (KeyError, RuntimeError, ValueError) as error:
             raise InputError(
                 f"{folder}: its checkpoint is of another version of rmll-train or of other "
@@ -149,14 +144,14 @@ class Run:
             "random": torch.get_rng_state(),
             "steps": self.steps,
             "seconds": self.seconds,
+            "provenance": self._provenance(),
         }
-        # this order, so that whoever has a checkpoint to go on from knows where it comes from
-        self._save_policy(folder, self._provenance())
         save_checkpoint(folder, state)
+        self._save_policy(folder, self._provenance())
 
-    def restore(self, saved: dict[str, Any], provenance: dict[str, Any]) -> None:
-        """Go on from what :meth:`save` wrote; ``provenance`` is that of its policy."""
-        self._stages = stages(provenance, self._origin)
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Go on from what :meth:`save` wrote."""
+        self._stages = stages(saved["provenance"], self._origin)
         self._learner.restore(saved["learner"])
         self._env.load_state_dict(saved["environment"])
         torch.set_rng_state(saved["random"])
