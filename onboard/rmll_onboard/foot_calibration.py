@@ -24,6 +24,11 @@ _SMOOTHING = 0.1
 """Of the readings at rest: a time constant of ten policy steps"""
 _DEAD = 0.1
 """A foot that varies by less than this share of what the others do tells nothing"""
+_STUCK = 15
+"""Policy steps of a walk without any change after which a sensor is taken for dead. A whole window
+is too long: the automaton waits for a contact that it is not told of, and some policies then fall.
+A working sensor's noise of about one unit is as still as that once in hours of walking, and then
+the estimated height stands in until the next change"""
 
 
 class FootCalibration:
@@ -37,6 +42,11 @@ class FootCalibration:
         """What standing adds to it, raw units"""
         self.dead = np.zeros(4, bool)
         """Stuck or cut off: these readings are not of this foot"""
+        self._mute = self.dead.copy()
+        """By the last look at a whole window"""
+        self._last = np.zeros(4, np.int32)
+        self._still = np.zeros(4, int)
+        """Policy steps of this walk since the reading last changed"""
         self._plausible = load / 2, load * 4
         self._lying: Array | None = None
         self._standing: Array | None = None
@@ -61,6 +71,8 @@ class FootCalibration:
         """A walk begins: what standing told becomes the first guess."""
         if self._count >= WINDOW:
             self._judge(self._ordered())
+        self.dead = self._mute.copy()
+        self._still[:] = 0
         self._count = 0
         if self._standing is None:
             return
@@ -73,7 +85,12 @@ class FootCalibration:
 
     def walk(self, foot_force: NDArray[np.int16]) -> None:
         """Follow the feet of a walking robot."""
+        self._still = np.where(foot_force == self._last, self._still + 1, 0)
         self._keep(foot_force)
+        self._calibrate()
+        self.dead = self._mute | (self._still >= _STUCK)
+
+    def _calibrate(self) -> None:
         seen_before = self._count > WINDOW and self._count % _EVERY
         if self._count <= _GLITCHES or seen_before:
             return
@@ -100,6 +117,7 @@ class FootCalibration:
         return ordered[_FEET, np.maximum(near // 4, _GLITCHES)].astype(float)
 
     def _keep(self, foot_force: NDArray[np.int16]) -> None:
+        self._last[:] = foot_force
         self._window[:, self._count % WINDOW] = foot_force
         self._count += 1
 
@@ -111,7 +129,7 @@ class FootCalibration:
         """A constant reading is dead, and one that hardly moves while the other feet step."""
         spread = ordered[:, -1] - ordered[:, 0]
         others = sorted(spread.tolist())[2]
-        self.dead = spread <= (_DEAD * others if others >= self._plausible[0] else 0)
+        self._mute = spread <= (_DEAD * others if others >= self._plausible[0] else 0)
 
 
 def _smoothed(before: Array | None, foot_force: NDArray[np.int16]) -> Array:

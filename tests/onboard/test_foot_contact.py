@@ -173,6 +173,21 @@ def test_a_foot_that_dies_while_walking_is_found_and_one_that_revives_too():
     assert feet.report()["dead"] == []
 
 
+def test_a_reading_that_stops_is_dead_after_a_third_of_a_second_until_it_changes():
+    soles = Soles(np.zeros(4))
+    feet, down = stood_up(soles), stances("trot", 9, 3)
+    read = soles.read
+    walk(feet, soles, down)
+    soles.read = lambda load: np.where(np.arange(4) == 3, 7, read(load)).astype(np.int16)
+    walk(feet, soles, down[:15])
+    assert feet.report()["dead"] == []
+    walk(feet, soles, down[:1])
+    assert feet.report()["dead"] == ["RL"]
+    soles.read = read
+    walk(feet, soles, down[:1])
+    assert feet.report()["dead"] == []
+
+
 def test_four_dead_feet_are_four_dead_feet():
     soles = Soles(np.zeros(4))
     soles.read = lambda load: np.zeros(4, np.int16)

@@ -215,6 +215,21 @@ def test_a_delayed_action_arrives_later() -> None:
     assert moved[1] < 0.7 * moved[0]
 
 
+def test_each_robot_is_pushed_at_moments_of_its_own() -> None:
+    env = make(randomisation=replace(ALIKE, push_interval=0.4, push_velocity=0.1))
+    pushed = torch.zeros(ENVS, 101)
+
+    def note(ids: torch.Tensor, velocity: torch.Tensor) -> None:
+        assert velocity.shape == (len(ids), 2) and (velocity.abs() <= 0.1).all()
+        pushed[ids, env.episode_length_buf[ids]] = 1
+
+    env.simulation.push = note
+    for _ in range(100):
+        env.step(torch.zeros(ENVS, env.num_actions))
+    assert 50 <= pushed.sum() <= 110  # 80 on average: 16 robots, 2 s, one in 0.4 s
+    assert len(pushed.unique(dim=0)) == ENVS
+
+
 def test_noise_reaches_the_policy_but_not_the_critic() -> None:
     quiet = Noise(0.0, 0.0, 0.0, 0.0)
     noisy, clean = make(), make(randomisation=Randomisation(noise=quiet))

@@ -220,18 +220,13 @@ class GaitEnv(VecEnv):
     def _disturb(self) -> None:
         """Pushes, and new commands within an episode."""
         r = self.world.randomisation
-        pushed = self._due(r.push_interval)
+        pushed = (self._uniform((self.num_envs,), 0, r.push_interval) < self.dt).nonzero()[:, 0]
         if len(pushed):
             self.simulation.push(pushed, self._uniform((len(pushed), 2), -1, 1) * r.push_velocity)
-        redrawn = self._due(self.world.command_interval)
-        if len(redrawn):
-            self._draw_commands(redrawn)
-
-    def _due(self, interval: float) -> Tensor:
-        """Robots whose episode time is a multiple of ``interval`` [s] now."""
-        age = self.episode_length_buf
-        period = max(1, round(interval / self.dt))
-        return ((age % period == 0) & (age > 0) & (age < self.max_episode_length)).nonzero()[:, 0]
+        age, period = self.episode_length_buf, max(1, round(self.world.command_interval / self.dt))
+        over = (age % period == 0) & (age > 0) & (age < self.max_episode_length)
+        if over.any():
+            self._draw_commands(over.nonzero()[:, 0])
 
     def _vary_robots(self) -> None:
         """Each robot keeps its friction and mass for the whole run, as in legged_gym."""

@@ -95,7 +95,8 @@ class Randomisation:
     foot_threshold: tuple[float, float] = (1.0, 8.0)
     """Factor on ``World.contact_force`` for each foot: a robot's foot sensors miss a light touch"""
     push_interval: float = 15.0
-    """[s]"""
+    """[s] on average; each robot is pushed at moments of its own. At fixed ones, as in legged_gym, a
+    robot that keeps its rhythm would meet every push with the same feet on the ground"""
     push_velocity: float = 1.0
     """[m/s] largest change of the base's velocity along x and along y"""
     initial_joint: float = 0.1
