@@ -53,9 +53,8 @@ class Rewards:
     joint_limit: float = -10.0
     """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
     power: float = -0.01
-    """sum |torque x joint velocity| / (v + 0.5 m/s) [N], where v is the speed in the wanted
-    direction, at most |c_x|: about the energy per metre, so that it weighs as much at every speed
-    and going too slowly saves little; ours"""
+    """sum |torque x joint velocity| / (|c_x| + 0.5 m/s) [N], about the energy per metre, so that it
+    weighs as much at every speed; ours"""
     velocity_y: float = -1.0
     """v_y^2; ours"""
     form: Literal["exp", "clip"] = "exp"
@@ -95,8 +94,8 @@ class Randomisation:
     foot_threshold: tuple[float, float] = (1.0, 8.0)
     """Factor on ``World.contact_force`` for each foot: a robot's foot sensors miss a light touch"""
     push_interval: float = 15.0
-    """[s] on average; each robot is pushed at moments of its own. At fixed ones, as in legged_gym, a
-    robot that keeps its rhythm would meet every push with the same feet on the ground"""
+    """[s] on average; each robot is pushed at moments of its own. At fixed ones, as in legged_gym,
+    a robot that keeps its rhythm would meet every push with the same feet on the ground"""
     push_velocity: float = 1.0
     """[m/s] largest change of the base's velocity along x and along y"""
     initial_joint: float = 0.1
