@@ -11,7 +11,7 @@ from rmll_train.simulation import Simulation
 AIR_TIME_TARGET = 0.5
 """[s], legged_gym"""
 SPEED_OFFSET = 0.5
-"""[m/s] added to the wanted speed by which power is divided: stepping on the spot costs too"""
+"""[m/s] added to the speed by which power is divided: stepping on the spot costs too"""
 SOFT_LIMIT = 0.9
 """Share of the joint range that costs nothing (legged_gym's soft_dof_pos_limit)"""
 
@@ -39,6 +39,8 @@ def terms(
     acceleration = (motion.last_joint_velocity - joint_velocity) / dt
     landed = motion.landed_after
     wanted = motion.command[:, 0]
+    # power is divided by the speed reached, not the one wanted: going slower saves little
+    progress = (velocity[:, 0] * wanted.sign()).clamp(min=0).minimum(wanted.abs())
     moving = (motion.command[:, :2].norm(dim=1) > 0.1).float()
     air_time = ((landed - AIR_TIME_TARGET) * (landed > 0)).sum(1) * moving
     raw = {
@@ -52,7 +54,7 @@ def terms(
         "air_time": air_time,
         "action_rate": (motion.last_action - motion.action).square().sum(1),
         "joint_limit": _beyond_limits(simulation),
-        "power": (torque * joint_velocity).abs().sum(1) / (wanted.abs() + SPEED_OFFSET),
+        "power": (torque * joint_velocity).abs().sum(1) / (progress + SPEED_OFFSET),
     }
     return {name: value * getattr(settings, name) for name, value in raw.items()}
 

@@ -53,8 +53,9 @@ class Rewards:
     joint_limit: float = -10.0
     """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
     power: float = -0.01
-    """sum |torque x joint velocity| / (|c_x| + 0.5 m/s) [N], about the energy per metre, so that it
-    weighs as much at every speed; ours"""
+    """sum |torque x joint velocity| / (v + 0.5 m/s) [N], where v is the speed in the wanted
+    direction, at most |c_x|: about the energy per metre, so that it weighs as much at every speed
+    and going too slowly saves little; ours"""
     velocity_y: float = -1.0
     """v_y^2; ours"""
     form: Literal["exp", "clip"] = "exp"
