@@ -40,9 +40,7 @@ class FootCalibration:
         """The reading in the air, raw units"""
         self.load = np.full(4, float(load))
         """What standing adds to it, raw units"""
-        self.dead = np.zeros(4, bool)
-        """Stuck or cut off: these readings are not of this foot"""
-        self._mute = self.dead.copy()
+        self._mute = np.zeros(4, bool)
         """By the last look at a whole window"""
         self._last = np.zeros(4, np.int32)
         self._still = np.zeros(4, int)
@@ -52,6 +50,11 @@ class FootCalibration:
         self._standing: Array | None = None
         self._window = np.zeros((4, WINDOW), np.int32)
         self._count = 0
+
+    @property
+    def dead(self) -> NDArray[np.bool_]:
+        """(4,) Stuck or cut off: these readings are not of this foot."""
+        return self._mute | (self._still >= _STUCK)
 
     def lie(self, foot_force: NDArray[np.int16]) -> None:
         """The robot lies damped; its feet may be in the air, or not."""
@@ -71,7 +74,6 @@ class FootCalibration:
         """A walk begins: what standing told becomes the first guess."""
         if self._count >= WINDOW:
             self._judge(self._ordered())
-        self.dead = self._mute.copy()
         self._still[:] = 0
         self._count = 0
         if self._standing is None:
@@ -87,10 +89,6 @@ class FootCalibration:
         """Follow the feet of a walking robot."""
         self._still = np.where(foot_force == self._last, self._still + 1, 0)
         self._keep(foot_force)
-        self._calibrate()
-        self.dead = self._mute | (self._still >= _STUCK)
-
-    def _calibrate(self) -> None:
         seen_before = self._count > WINDOW and self._count % _EVERY
         if self._count <= _GLITCHES or seen_before:
             return

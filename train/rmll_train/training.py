@@ -147,7 +147,7 @@ class Run:
             "provenance": self._provenance(),
         }
         save_checkpoint(folder, state)
-        self._save_policy(folder, self._provenance())
+        self._save_policy(folder, state["provenance"])
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Go on from what :meth:`save` wrote."""
