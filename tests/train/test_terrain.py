@@ -78,7 +78,7 @@ def test_who_masters_the_last_level_is_sent_to_any(terrain: Terrain) -> None:
 
 
 def test_pressure_grows_only_while_gait_and_speed_are_held_and_stays_in_its_range() -> None:
-    demands = Demands(Rewards(pressure=(0.5, 2.0)))
+    demands = Demands(World(rewards=Rewards(pressure=(0.5, 2.0))))
     demands.update(adherence=0.1, vx_error=0.0, steps=12)
     assert demands.pressure == 0.5
     for _ in range(500):
@@ -89,8 +89,17 @@ def test_pressure_grows_only_while_gait_and_speed_are_held_and_stays_in_its_rang
 
 
 def test_reject_edges_open_once_the_gait_is_there_and_stay_open() -> None:
-    demands = Demands(Rewards(strict_above=0.7))
+    demands = Demands(World(rewards=Rewards(strict_above=0.7)))
     for adherence, strict in ((0.6, False), (0.71, True), (0.1, True)):
         demands.update(adherence, vx_error=0.1, steps=12)
         assert demands.strict == strict
-    assert Demands(Rewards(strict_above=0.0)).strict
+    assert Demands(World(rewards=Rewards(strict_above=0.0))).strict
+
+
+def test_feet_have_to_be_lifted_higher_as_the_gait_comes_and_never_lower_again() -> None:
+    demands = Demands(World(first_clearance=0.01, clearance=0.03))
+    seen = [demands.clearance]
+    for adherence in (0.35, 0.1, 0.9, 0.0):
+        demands.update(adherence, vx_error=0.1, steps=12)
+        seen.append(demands.clearance)
+    assert seen == pytest.approx([0.01, 0.02, 0.02, 0.03, 0.03])

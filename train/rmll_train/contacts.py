@@ -14,7 +14,7 @@ class Contacts:
     BUFFERS = ("threshold", "down", "touching", "clear", "label", "touched_before", "air_time")
 
     def __init__(self, robots: int, world: World, dt: float):
-        self._clearance, self._dt = world.clearance, dt
+        self._dt = dt
         self.threshold = torch.full((robots, 4), world.contact_force)
         """[N] above which a foot's contact is noticed"""
         self.down = torch.ones(robots, 4, dtype=torch.bool)
@@ -35,13 +35,14 @@ class Contacts:
         self.label[ids] = label.NUM_LABELS - 1
         self.air_time[ids] = 0.0
 
-    def observe(self, simulation: Simulation) -> Tensor:
-        """Update labels; returns (n, 4) [s] in the air of feet that touch down now, else 0."""
+    def observe(self, simulation: Simulation, clearance: float) -> Tensor:
+        """Update labels, with the ``clearance`` [m] that is wanted now; returns (n, 4) [s] in the
+        air of feet that touch down now, else 0."""
         touched = simulation.foot_force > self.threshold
         # one step of memory: a foot that bounces off for 20 ms has not lifted
         self.touching = touched | self.touched_before
         self.touched_before = touched
-        self.clear = simulation.foot_height >= self._clearance
+        self.clear = simulation.foot_height >= clearance
         self.down = label.hysteresis(self.down, self.touching, self.clear)
         self.label = label.label(self.down.long())
         landed_after = self.air_time * self.touching

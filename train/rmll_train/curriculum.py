@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from rmll_train.settings import Ground, Rewards
+from rmll_train.settings import Ground, World
 from rmll_train.terrain import Terrain
 
 START_LEVELS = 3
@@ -50,12 +50,23 @@ class Demands:
     RATE = 1.0016
     """Factor on the pressure from one policy step to the next: tenfold in 29 s of walking"""
 
-    def __init__(self, settings: Rewards):
-        self._settings = settings
-        self.pressure = settings.pressure[0]
+    def __init__(self, world: World):
+        self._settings, self._clearances = world.rewards, (world.first_clearance, world.clearance)
+        self.pressure = world.rewards.pressure[0]
         """Factor on all costs of R_walk"""
-        self.strict = settings.strict_above <= 0
-        """Reject edges lead into the sink"""
+        self.progress = 0.0 if world.rewards.strict_above > 0 else 1.0
+        """Highest adherence so far as a share of that from which on the demands are strict"""
+
+    @property
+    def strict(self) -> bool:
+        """Reject edges lead into the sink, and every limit ends an episode."""
+        return self.progress >= 1.0
+
+    @property
+    def clearance(self) -> float:
+        """[m] from which on a foot counts as in the air"""
+        first, last = self._clearances
+        return first + (last - first) * self.progress
 
     def update(self, adherence: float, vx_error: float, steps: int) -> None:
         """After a rollout of so many policy steps with these means over all robots."""
@@ -63,4 +74,5 @@ class Demands:
         holds = adherence > settings.hold_adherence and vx_error < settings.hold_vx_error
         factor = self.RATE ** (steps if holds else -steps)
         self.pressure = min(high, max(low, self.pressure * factor))
-        self.strict = self.strict or adherence > settings.strict_above
+        if not self.strict:
+            self.progress = max(self.progress, min(1.0, adherence / settings.strict_above))

@@ -63,7 +63,7 @@ class GaitEnv(VecEnv):
         ground = terrain.build(world.ground, seed) if world.ground.kinds else None
         self.simulation = Simulation(robot, self.num_envs, self.dt, ground)
         self.levels = Levels(ground, world.ground, self.num_envs, self.generator)
-        self.demands = Demands(world.rewards)
+        self.demands = Demands(world)
         self.machine = machine.Machine.of(table, lambda array: torch.from_numpy(array.copy()))
         self._default = torch.tensor(robot.default_pose, dtype=torch.float32)
         self._one_hot = torch.eye(table.num_states)
@@ -108,7 +108,7 @@ class GaitEnv(VecEnv):
         self.targets = action.targets(taken, self._default, scale, clip)
         failed = self.simulation.step(self.targets)
 
-        landed_after = self.contacts.observe(self.simulation)
+        landed_after = self.contacts.observe(self.simulation, self.demands.clearance)
         step, wrong = self._step_machine()
         explained = machine.explained(self.machine, self.state, self.contacts.label)
         rewards, walk = self._reward(taken, landed_after, step, wrong)
@@ -157,7 +157,7 @@ class GaitEnv(VecEnv):
             "random": self.generator.get_state(),
             "level": self.levels.level.clone(),
             "pressure": self.demands.pressure,
-            "strict": self.demands.strict,
+            "progress": self.demands.progress,
             "failures": self.failures,
         }
 
@@ -168,7 +168,7 @@ class GaitEnv(VecEnv):
         self._observed = TensorDict(saved["observed"], batch_size=[self.num_envs])
         self.generator.set_state(saved["random"])
         self.levels.level[:] = saved["level"]
-        self.demands.pressure, self.demands.strict = saved["pressure"], saved["strict"]
+        self.demands.pressure, self.demands.progress = saved["pressure"], saved["progress"]
         self.failures = saved["failures"]
 
     def _buffers(self) -> dict[str, Tensor]:
@@ -205,7 +205,10 @@ class GaitEnv(VecEnv):
         walk = reward.walking(terms, settings, pressure, self.dt)
         walk = walk * ~wrong
         self._dwell_reward = self._dwell_reward + walk
-        praised = walk if settings.bonus_on == "step" else self._dwell_reward / (self.phi + 1)
+        waited = self.phi + 1
+        praised = walk if settings.bonus_on == "step" else self._dwell_reward / waited
+        due = (self.machine.dwell[self.state, self.contacts.label] * self.command[:, 2]).ceil()
+        praised = praised * reward.promptness(due, waited) ** settings.promptness
         self._dwell_reward = self._dwell_reward * ~step.advanced
         return torch.where(step.advanced, praised * settings.bonus, walk), walk
 

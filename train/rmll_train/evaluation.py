@@ -40,7 +40,14 @@ def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, worl
     env = GaitEnv(
         table,
         robot,
-        replace(world, envs=1, start="first", ground=Ground(), randomisation=quiet),
+        replace(
+            world,
+            envs=1,
+            start="first",
+            first_clearance=world.clearance,
+            ground=Ground(),
+            randomisation=quiet,
+        ),
         TRACE_SEED,
     )
     low, high = table.commands.frequency

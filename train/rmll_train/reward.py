@@ -15,6 +15,8 @@ SPEED_OFFSET = 0.5
 SOFT_LIMIT = 0.9
 """Share of the joint range that costs nothing (legged_gym's soft_dof_pos_limit)"""
 
+LEAST_PROMPTNESS = 0.25
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -67,6 +69,14 @@ def walking(weighted: dict[str, Tensor], settings: Rewards, pressure: float, dt:
     if settings.form == "clip":
         return (tracking + rest).clamp(min=0) * dt
     return tracking * rest.clamp(max=0).exp() * dt
+
+
+def promptness(due: Tensor, waited: Tensor) -> Tensor:
+    """(n,) 1 for a transition in the first policy step that its dwell allows, less for a later one.
+
+    At least ``LEAST_PROMPTNESS``, so that the first ones, which come by chance, are worth finding.
+    """
+    return (due.clamp(min=1) / waited).clamp(LEAST_PROMPTNESS, 1.0)
 
 
 def _track(error: Tensor, width: float) -> Tensor:

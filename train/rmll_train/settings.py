@@ -67,6 +67,9 @@ class Rewards:
     bonus_on: Literal["dwell", "step"] = "dwell"
     """What a transition's bonus multiplies: R_walk of its step (the paper), or the mean of R_walk
     since the last transition, so that the motion between the poses counts as well"""
+    promptness: float = 2.0
+    """A late transition's bonus is multiplied by (dwell / steps waited) to this power. What a delay
+    of a step costs in bonuses a second alone is lost in their noise. 0 = off"""
 
 
 @dataclass(frozen=True)
@@ -150,7 +153,10 @@ class World:
     contact_force: float = 1.0
     """[N]"""
     clearance: float = 0.03
-    """[m]"""
+    """[m] from which on a foot counts as in the air ..."""
+    first_clearance: float = 0.01
+    """... and that at the beginning, from where it grows with the adherence until the demands are
+    strict. Chance does not lift all feet of a pronk by 3 cm at once"""
     ground: Ground = field(default_factory=Ground)
     rewards: Rewards = field(default_factory=Rewards)
     randomisation: Randomisation = field(default_factory=Randomisation)
@@ -234,7 +240,7 @@ def paper(settings: Settings) -> Settings:
     """The paper's observation, rewards and learner; what we added is off."""
     rewards = replace(
         settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0,
-        velocity_yaw=0.5, pressure=(1.0, 1.0), strict_above=0.0,
+        velocity_yaw=0.5, pressure=(1.0, 1.0), strict_above=0.0, promptness=0.0,
     )  # fmt: skip
     randomisation = replace(
         settings.world.randomisation, added_mass=(0.0, 0.0), centre_of_mass=0.0,
@@ -242,7 +248,7 @@ def paper(settings: Settings) -> Settings:
     )  # fmt: skip
     world = replace(
         settings.world, profile="paper", command_interval=settings.world.episode, start="first",
-        rewards=rewards, randomisation=randomisation,
+        first_clearance=settings.world.clearance, rewards=rewards, randomisation=randomisation,
     )  # fmt: skip
     learner = replace(settings.learner, steps=100_000_000, normalise_returns=False, bf16=False,
                       clip_value=True, symmetry=False, rate_range=(1e-5, 1e-2),

@@ -40,9 +40,11 @@ WITHOUT: dict[str, dict[str, Any]] = {
     "": {},
     "form": {"world": {"rewards": {"form": "clip"}}},
     "dwell": {"world": {"rewards": {"bonus_on": "step"}}},
+    "promptness": {"world": {"rewards": {"promptness": 0.0}}},
     "turning": {"world": {"rewards": {"velocity_yaw": 0.5}}},
     "pressure": {"world": {"rewards": {"pressure": [1.0, 1.0]}}},
     "lenience": {"world": {"rewards": {"strict_above": 0.0}}},
+    "clearance": {"world": {"first_clearance": 0.03}},
     "start": {"world": {"start": "first"}},
     "scale": {"learner": {"normalise_returns": False}},
     "symmetry": {"learner": {"symmetry": False}},
@@ -80,7 +82,7 @@ def time_to_gait(
     settings = overlaid(replace(Settings(), gait=gait, seed=seed), WITHOUT[without], without)
     run = Run(settings)
     judged = GaitEnv(load_gait(gait), A1, replace(settings.world, envs=ROBOTS), seed + 1000)
-    judged.demands.strict = True
+    judged.demands.progress = 1.0
     seen: list[tuple[int, float, float]] = []
     while run.steps < limit and not held(seen, LEVELS[-1]):
         run.update()
