@@ -27,7 +27,7 @@ from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import golden_trace
 from rmll_train.learner import GaitPPO, ReturnScale
 from rmll_train.settings import Learner, Settings, World, to_yaml
-from rmll_train.training import train
+from rmll_train.training import Run, train
 
 ENVS, ROLLOUT = 16, 8
 SMALL = Settings(
@@ -114,6 +114,23 @@ def test_resuming_takes_changed_settings_from_a_file(tmp_path: Path) -> None:
     overlay.write_text("seed: 4")
     with pytest.raises(InputError, match=r"overlay.yaml: a run cannot change its gait or seed"):
         _continued(tmp_path, overlay)
+
+
+def test_a_restored_run_is_exactly_the_one_that_was_saved(tmp_path: Path) -> None:
+    run, restored = Run(SMALL), Run(SMALL)
+    for _ in range(3):
+        run.update()
+    for name, of in (("first", run), ("second", restored)):
+        (tmp_path / name).mkdir()
+        of.save(tmp_path / name)
+        restored.restore(load_checkpoint(tmp_path / "first"))
+    first, second = (load_checkpoint(tmp_path / name) for name in ("first", "second"))
+    exactly = {"rtol": 0.0, "atol": 0.0, "equal_nan": True}
+    for part in ("environment", "random"):
+        torch.testing.assert_close(second[part], first[part], **exactly)
+    assert first["learner"].keys() == second["learner"].keys()
+    for part, state in first["learner"].items():
+        torch.testing.assert_close(second["learner"][part], state, **exactly, msg=part)
 
 
 def test_a_run_that_was_killed_goes_on_without_a_jump_in_its_curves(tmp_path: Path) -> None:

@@ -207,7 +207,8 @@ class GaitEnv(VecEnv):
         self._dwell_reward = self._dwell_reward + walk
         waited = self.phi + 1
         praised = walk if settings.bonus_on == "step" else self._dwell_reward / waited
-        due = (self.machine.dwell[self.state, self.contacts.label] * self.command[:, 2]).ceil()
+        dwell = self.machine.dwell[self.state, self.contacts.label].float()
+        due = (dwell * self.command[:, 2]).ceil()
         praised = praised * reward.promptness(due, waited) ** settings.promptness
         self._dwell_reward = self._dwell_reward * ~step.advanced
         return torch.where(step.advanced, praised * settings.bonus, walk), walk
