@@ -78,9 +78,14 @@ def mean_dwell(table: MachineTable, frequency: Any) -> Any:
 
 def dwell_steps(table: MachineTable, frequency: Any) -> list[Any]:
     """Least policy steps of each phase of the main cycle; types as in :func:`transition_rate`."""
-    # -(-x // 1) rounds up in Python, NumPy and torch alike; a phase lasts one step at least.
-    steps = [-(-phase.dwell * frequency // 1) for phase in main_cycle(table)]
-    return [count + (count < 1) for count in steps]
+    return [least_steps(phase.dwell, frequency) for phase in main_cycle(table)]
+
+
+def least_steps(dwell: Any, frequency: Any) -> Any:
+    """Policy steps until a dwell is over, at least one; types as in :func:`transition_rate`."""
+    # -(-x // 1) rounds up in Python, NumPy and torch alike
+    steps = -(-dwell * frequency // 1)
+    return steps + (steps < 1)
 
 
 def main_cycle(table: MachineTable) -> tuple[Phase, ...]:

@@ -108,9 +108,15 @@ def test_a_transition_earns_the_bonus_on_its_own_step() -> None:
 
 
 def test_a_late_transition_earns_less_but_never_nothing() -> None:
-    due = torch.tensor([6.0, 6.0, 6.0, 6.0, 0.0])
+    dwell = torch.tensor([1.0, 1.0, 1.0, 1.0, 0.0])
     waited = torch.tensor([6.0, 8.0, 12.0, 600.0, 1.0])
-    assert reward.promptness(due, waited).tolist() == [1.0, 0.75, 0.5, 0.25, 1.0]
+    assert reward.promptness(dwell, torch.tensor(6.0), waited).tolist() == [
+        1.0,
+        0.75,
+        0.5,
+        0.25,
+        1.0,
+    ]
 
 
 def test_a_transitions_bonus_is_multiplied_by_its_promptness() -> None:
@@ -124,7 +130,7 @@ def test_a_transitions_bonus_is_multiplied_by_its_promptness() -> None:
         _, shared, done, _ = prompt.step(action)
         _, whole, _, _ = plain.step(action)
         advanced = (prompt.phi == 0) & (before > 0) & ~done
-        factor = reward.promptness(cycle, before + 1) ** 2
+        factor = reward.promptness(torch.ones(64), cycle, before + 1) ** 2
         late += int((factor[advanced] < 1).sum())
         assert torch.allclose(shared[advanced], (whole * factor)[advanced], rtol=1e-4)
         assert torch.allclose(shared[~advanced], whole[~advanced])

@@ -207,9 +207,9 @@ class GaitEnv(VecEnv):
         self._dwell_reward = self._dwell_reward + walk
         waited = self.phi + 1
         praised = walk if settings.bonus_on == "step" else self._dwell_reward / waited
-        dwell = self.machine.dwell[self.state, self.contacts.label].float()
-        due = (dwell * self.command[:, 2]).ceil()
-        praised = praised * reward.promptness(due, waited) ** settings.promptness
+        dwell = self.machine.dwell[self.state, self.contacts.label]
+        promptness = reward.promptness(dwell, self.command[:, 2], waited)
+        praised = praised * promptness**settings.promptness
         self._dwell_reward = self._dwell_reward * ~step.advanced
         return torch.where(step.advanced, praised * settings.bonus, walk), walk
 

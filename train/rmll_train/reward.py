@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from rmll_gaits.schedule import least_steps
 from rmll_train.settings import Rewards
 from rmll_train.simulation import Simulation
 
@@ -14,7 +15,6 @@ SPEED_OFFSET = 0.5
 """[m/s] added to the speed by which power is divided: stepping on the spot costs too"""
 SOFT_LIMIT = 0.9
 """Share of the joint range that costs nothing (legged_gym's soft_dof_pos_limit)"""
-
 LEAST_PROMPTNESS = 0.25
 
 
@@ -71,12 +71,13 @@ def walking(weighted: dict[str, Tensor], settings: Rewards, pressure: float, dt:
     return tracking * rest.clamp(max=0).exp() * dt
 
 
-def promptness(due: Tensor, waited: Tensor) -> Tensor:
+def promptness(dwell: Tensor, frequency: Tensor, waited: Tensor) -> Tensor:
     """(n,) 1 for a transition in the first policy step that its dwell allows, less for a later one.
 
     At least ``LEAST_PROMPTNESS``, so that the first ones, which come by chance, are worth finding.
     """
-    return (due.clamp(min=1) / waited).clamp(LEAST_PROMPTNESS, 1.0)
+    due = least_steps(dwell, frequency).float()  # a gait's table is of double precision
+    return (due / waited).clamp(LEAST_PROMPTNESS, 1.0)
 
 
 def _track(error: Tensor, width: float) -> Tensor:
