@@ -24,7 +24,7 @@ from rmll_robots import A1
 from rmll_train.checkpoint import load_checkpoint, save_checkpoint
 from rmll_train.cli import _continued
 from rmll_train.environment import GaitEnv
-from rmll_train.evaluation import golden_trace
+from rmll_train.evaluation import evaluate, golden_trace
 from rmll_train.learner import GaitPPO, ReturnScale
 from rmll_train.settings import Learner, Settings, World, to_yaml
 from rmll_train.training import Run, train
@@ -55,6 +55,15 @@ def test_a_run_leaves_settings_checkpoint_policy_curves_and_result(tmp_path: Pat
     result = yaml.safe_load((run / "result.yaml").read_text())
     assert result["steps"] == 4 * ENVS * ROLLOUT and result["seed"] == 0
     assert 0 <= result["metrics"]["off_spec_contact"] <= 1
+
+
+def test_a_policy_that_never_learned_the_gait_is_measured_by_all_of_its_rules() -> None:
+    """A half_bound rejects standing on all feet; until the demands are strict it only waits."""
+    env = GaitEnv(load_gait("half_bound"), A1, World(envs=ENVS), seed=0)
+    assert not env.demands.strict
+    tally = evaluate(lambda _: torch.zeros(ENVS, 12), env, steps=50)
+    assert tally.metrics()["early_ends"] == 1.0
+    assert env.demands.clearance == env.world.clearance
 
 
 @pytest.mark.parametrize("profile", ["paper", "imu"])

@@ -82,7 +82,6 @@ def time_to_gait(
     settings = overlaid(replace(Settings(), gait=gait, seed=seed), WITHOUT[without], without)
     run = Run(settings)
     judged = GaitEnv(load_gait(gait), A1, replace(settings.world, envs=ROBOTS), seed + 1000)
-    judged.demands.progress = 1.0
     seen: list[tuple[int, float, float]] = []
     while run.steps < limit and not held(seen, LEVELS[-1]):
         run.update()
