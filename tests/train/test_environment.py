@@ -220,6 +220,18 @@ def test_until_the_demands_are_strict_a_forbidden_contact_only_earns_nothing() -
     assert not done.any() and (rewards == 0).all() and (env.state == env.table.start).all()
 
 
+@pytest.mark.parametrize("limits", ["end", "unpaid"])
+def test_a_broken_limit_ends_the_episode_or_earns_nothing(limits: str) -> None:
+    # all robots stand lower than this one allows
+    high = Terminations(base_height=1.0)
+    strict = Rewards(strict_above=0.0)
+    env = make(limits=limits, randomisation=ALIKE, terminations=high, rewards=strict)
+    for _ in range(20):
+        _, rewards, done, extras = env.step(torch.zeros(ENVS, 12))
+        assert (done == (limits == "end")).all() and not extras["time_outs"].any()
+        assert limits == "end" or (rewards == 0).all()
+
+
 def test_robots_differ_within_the_settings() -> None:
     settings, simulation = Settings().world.randomisation, make().simulation
     trunk, model = simulation._trunk, simulation._model

@@ -1,4 +1,4 @@
-"""When an episode ends before its time."""
+"""When a robot is down, and when it is beyond a limit."""
 
 import torch
 from torch import Tensor

@@ -111,12 +111,14 @@ class GaitEnv(VecEnv):
         landed_after = self.contacts.observe(self.simulation, self.demands.clearance)
         step, wrong = self._step_machine()
         explained = machine.explained(self.machine, self.state, self.contacts.label)
-        rewards, walk = self._reward(taken, landed_after, step, wrong)
+        down, beyond = ending.down(self.simulation, self.world.terminations), self._beyond(taken)
+        ends = self.world.limits == "end"
+        unpaid, ended = (wrong, down | beyond) if ends else (wrong | beyond, down)
+        rewards, walk = self._reward(taken, landed_after, step, unpaid)
         undefined = ~rewards.isfinite()
         self.failures += int((failed | undefined).sum())
         failed = failed | undefined
-        down = ending.down(self.simulation, self.world.terminations)
-        ended = down | self._beyond_limits(taken) | step.rejected | failed
+        ended = ended | step.rejected | failed
         rewards = torch.where(failed, torch.zeros(()), rewards)
         self.state, self.phi = step.state, step.phi
         self._last_action = taken
@@ -194,8 +196,9 @@ class GaitEnv(VecEnv):
         return machine.Step(state, phi, step.advanced, torch.zeros_like(wrong)), wrong
 
     def _reward(
-        self, taken: Tensor, landed_after: Tensor, step: machine.Step, wrong: Tensor
+        self, taken: Tensor, landed_after: Tensor, step: machine.Step, unpaid: Tensor
     ) -> tuple[Tensor, Tensor]:
+        """What each robot earns with this step, and its R_walk, 0 where ``unpaid``; each (n,)."""
         settings = self.world.rewards
         motion = reward.Motion(
             self.command, taken, self._last_action, self._last_joint_velocity, landed_after
@@ -203,7 +206,7 @@ class GaitEnv(VecEnv):
         pressure = self.demands.pressure
         terms = reward.terms(self.simulation, motion, settings, pressure, self.dt)
         walk = reward.walking(terms, settings, pressure, self.dt)
-        walk = walk * ~wrong
+        walk = walk * ~unpaid
         self._dwell_reward = self._dwell_reward + walk
         waited = self.phi + 1
         praised = walk if settings.bonus_on == "step" else self._dwell_reward / waited
@@ -213,8 +216,8 @@ class GaitEnv(VecEnv):
         self._dwell_reward = self._dwell_reward * ~step.advanced
         return torch.where(step.advanced, praised * settings.bonus, walk), walk
 
-    def _beyond_limits(self, taken: Tensor) -> Tensor:
-        """Robots that break a limit which ends the episode once the demands are strict."""
+    def _beyond(self, taken: Tensor) -> Tensor:
+        """Robots (n,) that break a limit which holds once the demands are strict."""
         if not self.demands.strict:
             return torch.zeros(self.num_envs, dtype=torch.bool)
         return ending.beyond_limits(
