@@ -18,6 +18,7 @@ from rmll_train.settings import Noise, Randomisation, Rewards, Settings, Termina
 ENVS = 16
 ALIKE = Randomisation(
     friction=(0.8, 0.8), added_mass=(0.0, 0.0), centre_of_mass=0.0, strength=(1.0, 1.0),
+    joint_damping=(0.0, 0.0),
     delay=(0.0, 0.0), push_interval=1e6, initial_joint=0.0, initial_velocity=0.0,
 )  # fmt: skip
 
@@ -240,6 +241,7 @@ def test_robots_differ_within_the_settings() -> None:
         "friction": (varied["geom_friction"][:, 0, 0], settings.friction),
         "mass": (varied["body_mass"][:, trunk] - model.body_mass[trunk], settings.added_mass),
         "strength": (varied["actuator_gainprm"][:, 3, 0] / A1.kp, settings.strength),
+        "damping": (varied["dof_damping"][:, 6], settings.joint_damping),
         "delay": (varied["actuator_delay"][:, 0], settings.delay),
     }
     for name, (values, (low, high)) in ranges.items():

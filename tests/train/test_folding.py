@@ -21,6 +21,7 @@ from rmll_train.simulation import Variation, training_model
 GAITS = ("trot", "bound", "half_bound", "walk")
 STILL = Randomisation(
     friction=(0.8, 0.8), added_mass=(0.0, 0.0), centre_of_mass=0.0, strength=(1.0, 1.0),
+    joint_damping=(0.0, 0.0),
     delay=(0.0, 0.0), push_interval=1e6, initial_joint=0.0, initial_velocity=0.0,
     noise=Noise(0.0, 0.0, 0.0, 0.0),
 )  # fmt: skip

@@ -244,6 +244,7 @@ class GaitEnv(VecEnv):
             added_mass=self._uniform(n, *r.added_mass),
             centre_of_mass=self._uniform((*n, 3), -1, 1) * r.centre_of_mass,
             strength=self._uniform(n, *r.strength),
+            joint_damping=self._uniform(n, *r.joint_damping),
             delay=delay,
         )
         self.simulation.vary(variation)

@@ -38,7 +38,7 @@ def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, worl
     """The first steps of an episode: what the robot would sense, and what the trainer answers."""
     quiet = Randomisation(
         friction=(0.8, 0.8), added_mass=(0.0, 0.0), centre_of_mass=0.0, strength=(1.0, 1.0),
-        delay=(0.0, 0.0), foot_threshold=(1.0, 1.0), push_interval=1e6,
+        joint_damping=(0.0, 0.0), delay=(0.0, 0.0), foot_threshold=(1.0, 1.0), push_interval=1e6,
         initial_joint=0.0, initial_velocity=0.0, noise=Noise(0.0, 0.0, 0.0, 0.0),
     )  # fmt: skip
     env = GaitEnv(

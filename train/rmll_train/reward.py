@@ -46,7 +46,7 @@ def terms(
     moving = (motion.command[:, :2].norm(dim=1) > 0.1).float()
     air_time = ((landed - AIR_TIME_TARGET) * (landed > 0)).sum(1) * moving
     raw = {
-        "velocity_x": _track(wanted - velocity[:, 0], settings.width / narrower**2),
+        "velocity_x": _track(wanted - velocity[:, 0], settings.width / narrower**3),
         "velocity_yaw": _track(motion.command[:, 1] - spin[:, 2], settings.width / narrower),
         "velocity_z": velocity[:, 2].square(),
         "velocity_y": velocity[:, 1].square(),

@@ -30,7 +30,7 @@ DELAY_STEPS = 4
 """Longest delay of an action, in physics steps"""
 _VARIED = (
     "geom_friction", "body_mass", "body_ipos", "actuator_gainprm", "actuator_biasprm",
-    "actuator_delay",
+    "actuator_delay", "dof_damping",
 )  # fmt: skip
 
 
@@ -46,6 +46,8 @@ class Variation:
     """[m] (num, 3) shift of the trunk's"""
     strength: Tensor
     """factor on the servos' gains"""
+    joint_damping: Tensor
+    """[N·m·s/rad]"""
     delay: Tensor
     """[physics steps], whole, from an action to its effect"""
 
@@ -54,8 +56,8 @@ def training_model(robot: Robot, terrain: Terrain | None = None) -> mujoco.MjMod
     """The robot's scene, made for speed: position servos in the model, few solver iterations.
 
     Servo: torque = kp (target - q) - kd qd, bounded by the torque limit. Only feet meet the ground:
-    episodes end before anything else would. Joint friction is left out, for it costs a quarter of
-    the speed; the emulator has both.
+    episodes end before anything else would. The joints' dry friction is left out, for it costs a
+    quarter of the speed, and :func:`Simulation.vary` damps them instead; the emulator has both.
     """
     spec = mujoco.MjSpec.from_file(str(robot.scene))
     spec.option.timestep = PHYSICS_STEP
@@ -151,6 +153,7 @@ class Simulation:
         strength = variation.strength.numpy()[:, None, None]
         varied["actuator_gainprm"][:] = model.actuator_gainprm * strength
         varied["actuator_biasprm"][:] = model.actuator_biasprm * strength
+        varied["dof_damping"][:, 6:] = variation.joint_damping.numpy()[:, None]
         varied["actuator_delay"][:] = variation.delay.numpy()[:, None] * PHYSICS_STEP
         self._batch.set_const()
 
