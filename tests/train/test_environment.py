@@ -323,3 +323,14 @@ def test_the_same_power_costs_less_the_more_of_the_wanted_speed_is_reached() -> 
     assert cost(0.8, 0.8) == pytest.approx(cost(-0.8, -0.8)) == pytest.approx(0.12 / 1.3)
     assert cost(0.8, 0.0) > cost(0.8, 0.4) > cost(0.8, 0.8) == cost(0.8, 1.2)
     assert cost(0.8, -0.4) == cost(0.8, 0.0) == cost(0.0, 0.4)
+
+
+def test_a_target_beyond_a_joints_limit_moves_it_as_the_limit_does() -> None:
+    """The daemon never sends more than the limit; a policy must not learn to push with more."""
+    limit, beyond = make(randomisation=ALIKE), make(randomisation=ALIKE)
+    most = torch.tensor(A1.joint_upper, dtype=torch.float32).expand(ENVS, 12)
+    for _ in range(5):
+        limit.simulation.step(most)
+        beyond.simulation.step(most + 0.5)
+    found, expected = beyond.simulation.joint_position, limit.simulation.joint_position
+    assert torch.allclose(found, expected, atol=1e-5)

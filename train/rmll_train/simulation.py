@@ -108,10 +108,12 @@ class Simulation:
     def step(self, targets: Tensor) -> Tensor:
         """Hold joint targets [rad] (num, 12) for one policy step; returns failed robots (num,).
 
+        Targets beyond a joint's limits are brought back to them, as the daemon does (its
+        ``Supervisor``): a leg cannot push harder than that where it is almost stretched.
         A failed robot (MuJoCo error, or a state that is not finite) is put back on its feet; its
         episode has to end.
         """
-        self._control[:] = targets.numpy()
+        self._control[:] = targets.numpy().clip(self.robot.joint_lower, self.robot.joint_upper)
         failed = np.zeros(self.num, bool)
         try:
             self._batch.step(nstep=self.substeps)
