@@ -202,7 +202,10 @@ def test_a_reject_edge_ends_the_episode_without_reward() -> None:
     # a rear foot on the ground after the grace period sends Half-Bound into its sink
     low = Terminations(base_height=0.1)
     strict = Rewards(strict_above=0.0)
-    env = make("half_bound", start="first", randomisation=ALIKE, terminations=low, rewards=strict)
+    env = make(
+        "half_bound", start="first", randomisation=ALIKE, terminations=low, rewards=strict,
+        mistakes="end",
+    )  # fmt: skip
     for _ in range(40):
         age = env.episode_length_buf.clone()
         _, rewards, done, _ = env.step(torch.zeros(ENVS, 12))
@@ -212,25 +215,27 @@ def test_a_reject_edge_ends_the_episode_without_reward() -> None:
     pytest.fail("a standing robot was never rejected")
 
 
-def test_until_the_demands_are_strict_a_forbidden_contact_only_earns_nothing() -> None:
+@pytest.mark.parametrize("lenient", [{"mistakes": "end"}, {"rewards": Rewards(strict_above=0.0)}])
+def test_a_forbidden_contact_may_only_earn_nothing(lenient: dict) -> None:
+    """Until the demands are strict, or for good if mistakes do not end episodes."""
     low = Terminations(base_height=0.1)
-    env = make("half_bound", start="first", randomisation=ALIKE, terminations=low)
+    env = make("half_bound", start="first", randomisation=ALIKE, terminations=low, **lenient)
     for _ in range(40):
         _, rewards, done, _ = env.step(torch.zeros(ENVS, 12))
     # it stands on all feet, which is forbidden after the grace period
     assert not done.any() and (rewards == 0).all() and (env.state == env.table.start).all()
 
 
-@pytest.mark.parametrize("limits", ["end", "unpaid"])
-def test_a_broken_limit_ends_the_episode_or_earns_nothing(limits: str) -> None:
+@pytest.mark.parametrize("mistakes", ["end", "unpaid"])
+def test_a_broken_limit_ends_the_episode_or_earns_nothing(mistakes: str) -> None:
     # all robots stand lower than this one allows
     high = Terminations(base_height=1.0)
     strict = Rewards(strict_above=0.0)
-    env = make(limits=limits, randomisation=ALIKE, terminations=high, rewards=strict)
+    env = make(mistakes=mistakes, randomisation=ALIKE, terminations=high, rewards=strict)
     for _ in range(20):
         _, rewards, done, extras = env.step(torch.zeros(ENVS, 12))
-        assert (done == (limits == "end")).all() and not extras["time_outs"].any()
-        assert limits == "end" or (rewards == 0).all()
+        assert (done == (mistakes == "end")).all() and not extras["time_outs"].any()
+        assert mistakes == "end" or (rewards == 0).all()
 
 
 def test_robots_differ_within_the_settings() -> None:

@@ -57,11 +57,11 @@ def pair(gait: str, seed: int) -> GaitEnv:
     """A robot in a random state, and its mirror image."""
     table = load_gait(gait)
     env = GaitEnv(table, A1, World(envs=2, randomisation=STILL, terminations=ENDLESS), seed)
-    both, one = torch.ones(2), torch.zeros(2)
+    both, none = torch.ones(2), torch.zeros(2)
     # the A1's trunk is 2 mm heavier on the left
     lopsided = float(training_model(A1).body("trunk").ipos[1])
     balance = torch.tensor([0.0, -lopsided, 0.0]).expand(2, 3)
-    env.simulation.vary(Variation(0.8 * both, one, balance, both, one))
+    env.simulation.vary(Variation(0.8 * both, none, balance, both, none, none))
     joints = torch.tensor(A1.default_pose, dtype=torch.float32) + 0.2 * torch.randn(12)
     twist = 0.4 * torch.randn(6)
     joints = torch.stack([joints, mirror_of(env).actions(joints)])

@@ -59,7 +59,7 @@ class Demands:
 
     @property
     def strict(self) -> bool:
-        """Reject edges lead into the sink, and every limit ends an episode."""
+        """The limits hold, and ``World.mistakes`` says what reject edges do."""
         return self.progress >= 1.0
 
     @property

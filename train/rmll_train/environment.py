@@ -112,8 +112,10 @@ class GaitEnv(VecEnv):
         step, wrong = self._step_machine()
         explained = machine.explained(self.machine, self.state, self.contacts.label)
         down, beyond = ending.down(self.simulation, self.world.terminations), self._beyond(taken)
-        ends = self.world.limits == "end"
-        unpaid, ended = (wrong, down | beyond) if ends else (wrong | beyond, down)
+        if self._ends_at_mistakes:
+            unpaid, ended = wrong, down | beyond
+        else:
+            unpaid, ended = wrong | beyond, down
         rewards, walk = self._reward(taken, landed_after, step, unpaid)
         undefined = ~rewards.isfinite()
         self.failures += int((failed | undefined).sum())
@@ -179,17 +181,21 @@ class GaitEnv(VecEnv):
 
     # -- one policy step, in parts ------------------------------------------------------------
 
+    @property
+    def _ends_at_mistakes(self) -> bool:
+        return self.demands.strict and self.world.mistakes == "end"
+
     def _step_machine(self) -> tuple[machine.Step, Tensor]:
         """The automaton's step, and the robots whose contacts a reject edge forbids (n,).
 
-        Until the demands are strict these wait in their state instead of falling into the sink.
+        These wait in their state instead of falling into the sink, unless mistakes end the episode.
         """
         step = machine.step(
             self.machine, self.state, self.phi, self.contacts.label, self.command[:, 2],
             self.episode_length_buf,
         )  # fmt: skip
         wrong = step.rejected
-        if self.demands.strict:
+        if self._ends_at_mistakes:
             return step, wrong
         state = torch.where(wrong, self.state, step.state)
         phi = torch.where(wrong, self.phi + 1, step.phi)

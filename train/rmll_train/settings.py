@@ -46,9 +46,9 @@ class Rewards:
     """... and below this error [m/s], both with exploration and pushes. On rough ground 0.13 was
     never reached, and robots that held their gait went on to burn 220 J/m"""
     strict_above: float = 0.7
-    """Adherence from which on, for good, reject edges lead into the sink and the limits of
-    ``Terminations`` hold. Until then forbidden contacts only earn nothing, and an episode ends when
-    the robot is down: ended at the first wrong step, it never learns the second right one.
+    """Adherence from which on, for good, the limits of ``Terminations`` hold and ``World.mistakes``
+    says what reject edges do. Until then forbidden contacts only earn nothing, and an episode ends
+    when the robot is down: ended at the first wrong step, it never learns the second right one.
     0 = strict from the beginning, as in the paper"""
     joint_limit: float = -10.0
     """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
@@ -122,7 +122,7 @@ class Ground(ground.Ground):
 
 @dataclass(frozen=True)
 class Terminations:
-    """Limits that end an episode before its time, or as ``World.limits`` says."""
+    """Limits that end an episode before its time, or as ``World.mistakes`` says."""
 
     base_height: float = 0.25
     """[m] lower than this"""
@@ -159,10 +159,10 @@ class World:
     first_clearance: float = 0.01
     """... and that at the beginning, from where it grows with the adherence until the demands are
     strict. Chance does not lift all feet of a pronk by 3 cm at once"""
-    limits: Literal["end", "unpaid"] = "unpaid"
-    """What a broken limit of ``Terminations`` does while the robot is not down: it ends the episode
-    (the paper), or its steps earn nothing. Ended where a push has only bent its knees, a robot
-    never learns the way back"""
+    mistakes: Literal["end", "unpaid"] = "unpaid"
+    """What a broken limit of ``Terminations`` or a reject edge does while the robot is not down: it
+    ends the episode (the paper), or its steps earn nothing and the automaton waits, as it does on
+    the robot. Ended where a push has only bent its knees, a robot never learns the way back"""
     ground: Ground = field(default_factory=Ground)
     rewards: Rewards = field(default_factory=Rewards)
     randomisation: Randomisation = field(default_factory=Randomisation)
@@ -254,7 +254,7 @@ def paper(settings: Settings) -> Settings:
     )  # fmt: skip
     world = replace(
         settings.world, profile="paper", command_interval=settings.world.episode, start="first",
-        first_clearance=settings.world.clearance, limits="end", rewards=rewards,
+        first_clearance=settings.world.clearance, mistakes="end", rewards=rewards,
         randomisation=randomisation,
     )  # fmt: skip
     learner = replace(settings.learner, steps=100_000_000, normalise_returns=False, bf16=False,
