@@ -24,9 +24,9 @@ class Rewards:
 
     velocity_x: float = 1.0
     """exp(-(c_x - v_x)^2 / width)"""
-    velocity_yaw: float = 0.7
+    velocity_yaw: float = 1.0
     """exp(-(c_w - w_z)^2 / width). The paper has 0.5, at which robots sway around their course, and
-    a pace that goes fast does not turn; at 1.0 they follow the forward speed less exactly"""
+    a pace that goes fast does not turn"""
     width: float = 0.25
     velocity_z: float = -2.0
     angular_velocity_xy: float = -0.05
