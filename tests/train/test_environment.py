@@ -13,14 +13,10 @@ from rmll_gaits.machine import Machine
 from rmll_robots import A1
 from rmll_train import reward
 from rmll_train.environment import GaitEnv
+from rmll_train.evaluation import ALIKE
 from rmll_train.settings import Noise, Randomisation, Rewards, Settings, Terminations, World
 
 ENVS = 16
-ALIKE = Randomisation(
-    friction=(0.8, 0.8), added_mass=(0.0, 0.0), centre_of_mass=0.0, strength=(1.0, 1.0),
-    joint_damping=(0.0, 0.0),
-    delay=(0.0, 0.0), push_interval=1e6, initial_joint=0.0, initial_velocity=0.0,
-)  # fmt: skip
 
 
 def make(gait: str = "trot", seed: int = 0, **world) -> GaitEnv:

@@ -13,18 +13,13 @@ from rmll_gaits.symmetry import mirror_states
 from rmll_gaits.table import MachineTable
 from rmll_robots import A1
 from rmll_train.environment import GaitEnv
+from rmll_train.evaluation import STILL
 from rmll_train.folding import Reflected, images
 from rmll_train.learner import GaitPPO
-from rmll_train.settings import Learner, Noise, Randomisation, Terminations, World
+from rmll_train.settings import Learner, Terminations, World
 from rmll_train.simulation import Variation, training_model
 
 GAITS = ("trot", "bound", "half_bound", "walk")
-STILL = Randomisation(
-    friction=(0.8, 0.8), added_mass=(0.0, 0.0), centre_of_mass=0.0, strength=(1.0, 1.0),
-    joint_damping=(0.0, 0.0),
-    delay=(0.0, 0.0), push_interval=1e6, initial_joint=0.0, initial_velocity=0.0,
-    noise=Noise(0.0, 0.0, 0.0, 0.0),
-)  # fmt: skip
 ENDLESS = Terminations(-1.0, -1.0, 10.0, 1e6, 10.0)
 SMALL = Learner(rollout=8, epochs=3, mini_batches=2, hidden=(32, 32), estimator_hidden=(16,),
                 bf16=False, symmetry=True)  # fmt: skip

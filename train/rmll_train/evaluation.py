@@ -19,6 +19,16 @@ TRACE_STEPS = 64
 TRACE_SEED = 7
 
 
+ALIKE = Randomisation(
+    friction=(0.8, 0.8), added_mass=(0.0, 0.0), centre_of_mass=0.0, strength=(1.0, 1.0),
+    joint_damping=(0.0, 0.0), delay=(0.0, 0.0), foot_threshold=(1.0, 1.0), push_interval=1e6,
+    initial_joint=0.0, initial_velocity=0.0,
+)  # fmt: skip
+"""Robots that do not differ, start at rest and are not pushed; their sensors are noisy"""
+STILL = replace(ALIKE, noise=Noise(0.0, 0.0, 0.0, 0.0))
+"""... and these have no noise"""
+
+
 @torch.no_grad()
 def evaluate(actor: Callable[[TensorDict], Tensor], env: GaitEnv, steps: int) -> Tally:
     """Walk all robots of ``env`` for ``steps`` policy steps, after a second that does not count.
@@ -36,11 +46,6 @@ def evaluate(actor: Callable[[TensorDict], Tensor], env: GaitEnv, steps: int) ->
 @torch.no_grad()
 def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, world: World) -> Trace:
     """The first steps of an episode: what the robot would sense, and what the trainer answers."""
-    quiet = Randomisation(
-        friction=(0.8, 0.8), added_mass=(0.0, 0.0), centre_of_mass=0.0, strength=(1.0, 1.0),
-        joint_damping=(0.0, 0.0), delay=(0.0, 0.0), foot_threshold=(1.0, 1.0), push_interval=1e6,
-        initial_joint=0.0, initial_velocity=0.0, noise=Noise(0.0, 0.0, 0.0, 0.0),
-    )  # fmt: skip
     env = GaitEnv(
         table,
         robot,
@@ -50,7 +55,7 @@ def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, worl
             start="first",
             first_clearance=world.clearance,
             ground=Ground(),
-            randomisation=quiet,
+            randomisation=STILL,
         ),
         TRACE_SEED,
     )

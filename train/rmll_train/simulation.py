@@ -57,7 +57,7 @@ def training_model(robot: Robot, terrain: Terrain | None = None) -> mujoco.MjMod
 
     Servo: torque = kp (target - q) - kd qd, bounded by the torque limit. Only feet meet the ground:
     episodes end before anything else would. The joints' dry friction is left out, for it costs a
-    quarter of the speed, and :func:`Simulation.vary` damps them instead; the emulator has both.
+    quarter of the speed, and :meth:`Simulation.vary` damps them instead; the emulator has both.
     """
     spec = mujoco.MjSpec.from_file(str(robot.scene))
     spec.option.timestep = PHYSICS_STEP
