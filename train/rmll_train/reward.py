@@ -35,7 +35,7 @@ def terms(
     simulation: Simulation, motion: Motion, settings: Rewards, pressure: float, dt: float
 ) -> dict[str, Tensor]:
     """Weighted terms of R_walk per second, each (n,); the first two are the tracking rewards."""
-    narrower = max(1.0, pressure)
+    width = settings.width / max(1.0, pressure) ** 3
     velocity, spin = simulation.base_velocity, simulation.angular_velocity
     joint_velocity, torque = simulation.joint_velocity, simulation.torque
     acceleration = (motion.last_joint_velocity - joint_velocity) / dt
@@ -46,8 +46,8 @@ def terms(
     moving = (motion.command[:, :2].norm(dim=1) > 0.1).float()
     air_time = ((landed - AIR_TIME_TARGET) * (landed > 0)).sum(1) * moving
     raw = {
-        "velocity_x": _track(wanted - velocity[:, 0], settings.width / narrower**3),
-        "velocity_yaw": _track(motion.command[:, 1] - spin[:, 2], settings.width / narrower),
+        "velocity_x": _track(wanted - velocity[:, 0], width),
+        "velocity_yaw": _track(motion.command[:, 1] - spin[:, 2], width),
         "velocity_z": velocity[:, 2].square(),
         "velocity_y": velocity[:, 1].square(),
         "angular_velocity_xy": spin[:, :2].square().sum(1),
