@@ -326,6 +326,22 @@ def test_the_same_power_costs_less_the_more_of_the_wanted_speed_is_reached() -> 
     assert cost(0.8, -0.4) == cost(0.8, 0.0) == cost(0.0, 0.4)
 
 
+@pytest.mark.parametrize("pressure", [0.2, 1.0, 1.5])
+def test_pressure_above_one_narrows_both_tracking_rewards_alike(pressure: float) -> None:
+    env, settings = make(), Rewards()
+    simulation, error = env.simulation, 0.2
+    simulation.base_velocity[:], simulation.angular_velocity[:] = 0.0, 0.0
+    command, still = torch.tensor([error, error, 9.0]).expand(ENVS, 3), torch.zeros(ENVS, 12)
+    motion = reward.Motion(command, still, still, still, torch.zeros(ENVS, 4))
+
+    weighted = reward.terms(simulation, motion, settings, pressure, env.dt)
+
+    width = settings.width / max(1.0, pressure) ** 3
+    for name in ("velocity_x", "velocity_yaw"):
+        kept = float(weighted[name][0]) / getattr(settings, name)
+        assert kept == pytest.approx(np.exp(-(error**2) / width), rel=1e-5)
+
+
 def test_a_target_beyond_a_joints_limit_moves_it_as_the_limit_does() -> None:
     """The daemon never sends more than the limit; a policy must not learn to push with more."""
     limit, beyond = make(randomisation=ALIKE), make(randomisation=ALIKE)
