@@ -28,6 +28,12 @@ def random_actions(env: GaitEnv, seed: int) -> torch.Tensor:
     return torch.randn(env.num_envs, env.num_actions, generator=generator)
 
 
+def still(command: torch.Tensor) -> reward.Motion:
+    """Of robots that do not act and land no foot, under ``command`` (ENVS, 3)."""
+    nothing = torch.zeros(ENVS, 12)
+    return reward.Motion(command, nothing, nothing, nothing, torch.zeros(ENVS, 4))
+
+
 @pytest.mark.parametrize("gait, states", [("trot", 2), ("walk", 4), ("half_bound", 5)])
 def test_the_paper_profile_has_47_numbers_and_the_states(gait: str, states: int) -> None:
     env = make(gait, profile="paper")
@@ -312,8 +318,7 @@ def test_the_same_power_costs_less_the_more_of_the_wanted_speed_is_reached() -> 
     simulation = env.simulation
     simulation.torque, simulation.joint_velocity = torch.ones(ENVS, 12), torch.ones(ENVS, 12)
     command = torch.zeros(ENVS, 3)
-    still = torch.zeros(ENVS, 12)
-    motion = reward.Motion(command, still, still, still, torch.zeros(ENVS, 4))
+    motion = still(command)
 
     def cost(wanted: float, speed: float) -> float:
         command[:, 0] = wanted
@@ -331,8 +336,7 @@ def test_pressure_above_one_narrows_both_tracking_rewards_alike(pressure: float)
     env, settings = make(), Rewards()
     simulation, error = env.simulation, 0.2
     simulation.base_velocity[:], simulation.angular_velocity[:] = 0.0, 0.0
-    command, still = torch.tensor([error, error, 9.0]).expand(ENVS, 3), torch.zeros(ENVS, 12)
-    motion = reward.Motion(command, still, still, still, torch.zeros(ENVS, 4))
+    motion = still(torch.tensor([error, error, 9.0]).expand(ENVS, 3))
 
     weighted = reward.terms(simulation, motion, settings, pressure, env.dt)
 

@@ -18,7 +18,6 @@ from rmll_train.tally import Tally
 TRACE_STEPS = 64
 TRACE_SEED = 7
 
-
 ALIKE = Randomisation(
     friction=(0.8, 0.8), added_mass=(0.0, 0.0), centre_of_mass=0.0, strength=(1.0, 1.0),
     joint_damping=(0.0, 0.0), delay=(0.0, 0.0), foot_threshold=(1.0, 1.0), push_interval=1e6,
