@@ -346,6 +346,16 @@ def test_pressure_above_one_narrows_both_tracking_rewards_alike(pressure: float)
         assert kept == pytest.approx(np.exp(-(error**2) / width), rel=1e-5)
 
 
+def test_only_what_feet_are_lifted_beyond_the_free_height_costs() -> None:
+    env, settings = make(), Rewards()
+    high = settings.free_lift + torch.tensor([0.02, -0.01, 0.0, 0.03])
+    env.simulation.foot_height[:] = high
+
+    weighted = reward.terms(env.simulation, still(env.command), settings, 1.0, env.dt)
+
+    assert weighted["foot_lift"].tolist() == pytest.approx([settings.foot_lift * 0.05] * ENVS)
+
+
 def test_a_target_beyond_a_joints_limit_moves_it_as_the_limit_does() -> None:
     """The daemon never sends more than the limit; a policy must not learn to push with more."""
     limit, beyond = make(randomisation=ALIKE), make(randomisation=ALIKE)

@@ -56,6 +56,7 @@ def terms(
         "air_time": air_time,
         "action_rate": (motion.last_action - motion.action).square().sum(1),
         "joint_limit": _beyond_limits(simulation),
+        "foot_lift": (simulation.foot_height - settings.free_lift).clamp(min=0).sum(1),
         "power": (torque * joint_velocity).abs().sum(1) / (progress + SPEED_OFFSET),
     }
     return {name: value * getattr(settings, name) for name, value in raw.items()}
