@@ -24,6 +24,13 @@ _HFIELD = 1
 _BASE = 0.1
 """[m] of solid ground below the lowest point; MuJoCo wants some"""
 
+_CONTACT = [0.01, 1.0]
+"""MuJoCo's solref, twice as firm as its default. With that a foot that lands hard sinks in by its
+radius, and then the field's prisms hold it from all sides, with up to 2 kN and for up to a second
+(google-deepmind/mujoco#2883). A trainer with physics steps of 5 ms can have no less than 0.01"""
+_ALONE = 1e6
+"""solmix: what touches the ground does not soften it"""
+
 
 @dataclass(frozen=True)
 class Ground:
@@ -113,6 +120,7 @@ def lay(spec: Any, field: Field) -> None:
     floor = spec.geom("floor")
     floor.type, floor.hfieldname = _HFIELD, "ground"
     floor.pos = [0.0, 0.0, low]
+    floor.solref, floor.solmix = _CONTACT, _ALONE
 
 
 def _rough(ground: Ground, share: float, samples: int, rng: np.random.Generator) -> Heights:
