@@ -66,7 +66,7 @@ def test_a_robot_that_lands_on_its_back_touches_the_terrain_with_its_base() -> N
     # off the top: some metres down the slope, and still far above the world's zero
     robot.world.data.qpos[:3] = [4.0, 0.0, height(robot, 4.0, 0.0) + 0.2]
     robot.world.data.qpos[3:7] = [0, 1, 0, 0]
-    robot.advance(500, 0)
+    robot.advance(1000, 0)  # it bounces once
     truth = robot.truth()
     assert truth["position"][:, 2].min() > 2
     assert not truth["grounded"][0]
