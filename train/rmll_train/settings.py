@@ -62,6 +62,9 @@ class Rewards:
     """sum over feet of what they are higher than ``free_lift`` [m]; ours"""
     free_lift: float = 0.05
     """[m] above the ground, to which lifting a foot costs nothing"""
+    fall: float = 0.0
+    """What going down adds once the demands are strict, in b x dt: -10 is what a robot that walks
+    on could hope for within the learner's discount, so that a fall weighs twice; ours"""
     form: Literal["exp", "clip"] = "exp"
     """How costs lower the tracking reward. "clip" = max(0, sum of all terms): the paper's code.
     "exp" = tracking x exp(costs), which stays positive, so that the very first transitions of an
