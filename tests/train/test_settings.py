@@ -4,8 +4,11 @@ from pathlib import Path
 
 import pytest
 
+import rmll_train
 from rmll_gaits.errors import InputError
 from rmll_train.settings import Learner, Settings, World, load, paper, to_yaml
+
+EXPERIMENTS = sorted((Path(rmll_train.__file__).parent / "experiments").iterdir())
 
 
 def write(tmp_path: Path, text: str) -> Path:
@@ -24,6 +27,11 @@ def test_a_file_names_only_what_differs(tmp_path: Path) -> None:
     changed = load(path, Settings())
     assert changed.world.rewards.power == -0.5
     assert changed.learner == Settings().learner
+
+
+@pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.name)
+def test_every_experiment_can_be_loaded(path: Path) -> None:
+    load(path, Settings()).check()
 
 
 @pytest.mark.parametrize("text, value", [("auto", "auto"), ("on", True), ("off", False)])
