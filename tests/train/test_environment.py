@@ -240,17 +240,6 @@ def test_a_broken_limit_ends_the_episode_or_earns_nothing(mistakes: str) -> None
         assert mistakes == "end" or (rewards == 0).all()
 
 
-@pytest.mark.parametrize("strict_above, cost", [(0.0, -6.0 * 1000.0 * 0.02), (0.7, 0.0)])
-def test_a_fall_costs_once_the_demands_are_strict(strict_above: float, cost: float) -> None:
-    # all robots are down lower than this; they stand on all feet, where a trot earns at most R_walk
-    down = Terminations(base_down=1.0)
-    rewards = Rewards(strict_above=strict_above, fall=-6.0)
-    env = make(randomisation=ALIKE, terminations=down, rewards=rewards)
-    _, earned, done, _ = env.step(torch.zeros(ENVS, 12))
-    assert done.all()
-    np.testing.assert_allclose(earned.numpy(), cost, atol=0.1)
-
-
 def test_robots_differ_within_the_settings() -> None:
     settings, simulation = Settings().world.randomisation, make().simulation
     trunk, model = simulation._trunk, simulation._model

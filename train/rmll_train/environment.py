@@ -117,8 +117,6 @@ class GaitEnv(VecEnv):
         else:
             unpaid, ended = wrong | beyond, down
         rewards, walk = self._reward(taken, landed_after, step, unpaid)
-        if self.demands.strict:
-            rewards = rewards + down * self._fall
         undefined = ~rewards.isfinite()
         self.failures += int((failed | undefined).sum())
         failed = failed | undefined
@@ -182,11 +180,6 @@ class GaitEnv(VecEnv):
         return {name: getattr(owner, name) for owner, names in owners for name in names}
 
     # -- one policy step, in parts ------------------------------------------------------------
-
-    @property
-    def _fall(self) -> float:
-        """What going down adds to a reward."""
-        return self.world.rewards.fall * self.world.rewards.bonus * self.dt
 
     @property
     def _ends_at_mistakes(self) -> bool:

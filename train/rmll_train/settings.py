@@ -62,9 +62,6 @@ class Rewards:
     """sum over feet of what they are higher than ``free_lift`` [m]; ours"""
     free_lift: float = 0.05
     """[m] above the ground, to which lifting a foot costs nothing"""
-    fall: float = 0.0
-    """What going down adds once the demands are strict, in b x dt. At -10 a fall of a walk weighs
-    twice: its bonuses, 0.018 b every nine steps, add up to 200 over the learner's horizon; ours"""
     form: Literal["exp", "clip"] = "exp"
     """How costs lower the tracking reward. "clip" = max(0, sum of all terms): the paper's code.
     "exp" = tracking x exp(costs), which stays positive, so that the very first transitions of an
@@ -254,7 +251,6 @@ def paper(settings: Settings) -> Settings:
     rewards = replace(
         settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0,
         foot_lift=0.0, velocity_yaw=0.5, pressure=(1.0, 1.0), strict_above=0.0, promptness=0.0,
-        fall=0.0,
     )  # fmt: skip
     randomisation = replace(
         settings.world.randomisation, added_mass=(0.0, 0.0), centre_of_mass=0.0,
