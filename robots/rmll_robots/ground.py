@@ -23,11 +23,11 @@ _HFIELD = 1
 """MuJoCo's mjGEOM_HFIELD"""
 _BASE = 0.1
 """[m] of solid ground below the lowest point; MuJoCo wants some"""
-
-_CONTACT = [0.01, 1.0]
-"""MuJoCo's solref, twice as firm as its default. With that a foot that lands hard sinks in by its
-radius, and then the field's prisms hold it from all sides, with up to 2 kN and for up to a second
-(google-deepmind/mujoco#2883). A trainer with physics steps of 5 ms can have no less than 0.01"""
+_CONTACT = 0.01, 1.0
+"""MuJoCo's solref; its time constant [s] is half of the default. At that a foot that lands hard
+sinks in by its radius, and then the field's prisms hold it from all sides, with up to 2 kN and for
+up to a second (google-deepmind/mujoco#2883). MuJoCo takes no less than two physics steps, which
+are 5 ms long in training"""
 _ALONE = 1e6
 """solmix: what touches the ground does not soften it"""
 

@@ -20,6 +20,7 @@ from rmll_hil.world import push
 from rmll_onboard.a1_wire import MotorCommand, encode_command
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.pilot import FlagPilot
+from rmll_robots import A1
 from rmll_robots.ground import Field, Kind, course, lay
 from rmll_train import terrain
 from rmll_train.simulation import PHYSICS_STEP
@@ -76,18 +77,18 @@ def test_a_robot_that_lands_on_its_back_touches_the_terrain_with_its_base() -> N
 @pytest.mark.parametrize("timestep", [0.001, PHYSICS_STEP])
 def test_a_foot_that_lands_hard_is_not_caught_inside_the_ground(timestep: float) -> None:
     """The sides of a height field's prisms must not hold what sank in between them."""
-    radius, random = 0.02, np.random.default_rng(0)
+    random = np.random.default_rng(0)
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep
     spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
     foot = spec.worldbody.add_body()
     foot.add_freejoint()
-    foot.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0, 0], mass=3.0)
+    foot.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[A1.foot_radius, 0, 0], mass=3.0)
     lay(spec, Field(np.zeros((40, 40), np.float32), np.zeros((1, 1, 2), np.float32)))
     model = spec.compile()
     for _ in range(100):
         data = mujoco.MjData(model)
-        data.qpos[:3] = *random.uniform(-1, 1, 2), radius
+        data.qpos[:3] = *random.uniform(-1, 1, 2), A1.foot_radius
         data.qvel[:3] = *random.uniform(-0.5, 0.5, 2), -2.0
         for _ in range(round(0.1 / timestep)):
             mujoco.mj_step(model, data)

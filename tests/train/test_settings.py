@@ -8,7 +8,7 @@ import rmll_train
 from rmll_gaits.errors import InputError
 from rmll_train.settings import Learner, Settings, World, load, paper, to_yaml
 
-EXPERIMENTS = sorted((Path(rmll_train.__file__).parent / "experiments").iterdir())
+EXPERIMENTS = sorted((Path(rmll_train.__file__).parent / "experiments").glob("*.yaml"))
 
 
 def write(tmp_path: Path, text: str) -> Path:
