@@ -11,7 +11,9 @@ from rmll_onboard.settings import Feet
 from rmll_onboard.supervisor import Mode
 
 TOUCHING_HEIGHT, CLEAR_HEIGHT = 0.01, 0.02
-"""[m] of the estimator's foot heights, where a sensor is dead"""
+"""[m] of the estimator's foot heights: the first where a sensor is dead. In training a foot is clear
+from 0.03 m on; the estimate is held to less, for a gait whose feet never count as clear stands
+still"""
 
 
 class FootContact:
@@ -43,16 +45,18 @@ class FootContact:
         """``touching`` and ``clear`` (4,), once a policy step.
 
         ``foot_force`` (4,) are raw sensor values, ``height`` (4,) [m] the feet's heights above the
-        ground as the estimator last saw them; the latter count for feet without a working sensor.
+        ground as the estimator last saw them; the latter alone count for feet without a working
+        sensor.
 
         A foot is touching if it presses now or did one policy step ago. The sensors cannot see
-        height, so a foot without load is taken to be clear of the ground.
+        height, and a robot that is pushed unloads feet without lifting them: a foot is clear of the
+        ground if it bears no load and is high as well.
         """
         measured = self.calibration
         measured.walk(foot_force)
         share = (foot_force - measured.unloaded) / measured.load
         pressed = share > self._settings.touching
-        clear = share < self._settings.clear
+        clear = (share < self._settings.clear) & (height > CLEAR_HEIGHT)
         if (dead := measured.dead).any():
             pressed = np.where(dead, height < TOUCHING_HEIGHT, pressed)
             clear = np.where(dead, height > CLEAR_HEIGHT, clear)

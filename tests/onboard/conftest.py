@@ -23,6 +23,8 @@ from rmll_robots import A1
 
 TROT = 6, 9
 """Labels of the two diagonals"""
+HEIGHT = 0.1
+"""[m]"""
 FORBIDDEN = 15
 """Here, standing on all feet leads from the second state to the sink"""
 
@@ -50,17 +52,21 @@ def trot_table() -> MachineTable:
 
 
 def network(inputs: int, seed: int = 0) -> onnx.ModelProto:
-    """action = tanh(obs A), estimate = obs B, with small random A and B."""
+    """action = tanh(obs A), estimate = obs B + c, with small random A and B; feet seem to be at
+    about ``HEIGHT``, so that contact alone says which are down."""
     random = np.random.default_rng(seed)
     weights = {
         name: random.normal(0, 0.1, (inputs, size)).astype(np.float32)
         for name, size in (("a", 12), ("b", 7))
     }
+    weights["b"][:, 3:] *= 0.01
+    weights["c"] = np.array([0.0] * 3 + [HEIGHT] * 4, np.float32)
     graph = helper.make_graph(
         [
             helper.make_node("MatMul", ["observation", "a"], ["hidden"]),
             helper.make_node("Tanh", ["hidden"], ["action"]),
-            helper.make_node("MatMul", ["observation", "b"], ["estimate"]),
+            helper.make_node("MatMul", ["observation", "b"], ["seen"]),
+            helper.make_node("Add", ["seen", "c"], ["estimate"]),
         ],
         "policy",
         [helper.make_tensor_value_info("observation", TensorProto.FLOAT, [1, inputs])],
