@@ -11,9 +11,8 @@ from rmll_onboard.settings import Feet
 from rmll_onboard.supervisor import Mode
 
 TOUCHING_HEIGHT, CLEAR_HEIGHT = 0.01, 0.02
-"""[m] of the estimator's foot heights: the first where a sensor is dead. In training a foot is clear
-from 0.03 m on; the estimate is held to less, for a gait whose feet never count as clear stands
-still"""
+"""[m] of the estimator's foot heights; the first counts only where a sensor is dead. In training a
+foot is clear from 0.03 m on, but a gait whose feet never seem to be clear would stand still"""
 
 
 class FootContact:

@@ -49,7 +49,7 @@ class Feet(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     touching: Annotated[
         Share, Meta(description="share of the foot's measured load; above it, it is in contact")
     ] = 0.2
-    clear: Annotated[Share, Meta(description="the same; below it, the foot is in the air")] = 0.12
+    clear: Annotated[Share, Meta(description="the same; below it, the foot bears no load")] = 0.12
 
     def __post_init__(self) -> None:
         if self.clear > self.touching:
