@@ -54,11 +54,9 @@ class FootContact:
         measured = self.calibration
         measured.walk(foot_force)
         share = (foot_force - measured.unloaded) / measured.load
-        pressed = share > self._settings.touching
-        clear = (share < self._settings.clear) & (height > CLEAR_HEIGHT)
-        if (dead := measured.dead).any():
-            pressed = np.where(dead, height < TOUCHING_HEIGHT, pressed)
-            clear = np.where(dead, height > CLEAR_HEIGHT, clear)
+        dead = measured.dead
+        pressed = np.where(dead, height < TOUCHING_HEIGHT, share > self._settings.touching)
+        clear = (dead | (share < self._settings.clear)) & (height > CLEAR_HEIGHT)
         touching = pressed | self._before
         self._before = pressed
         return touching, clear
