@@ -8,6 +8,8 @@ the benchmark. ``test_bare_batch_step`` is the same call on robots that stand.
 import time
 
 import pytest
+
+import rmll_train  # isort: skip  # noqa: F401 - before torch: how OpenMP's threads wait
 import torch
 from mujoco.batch import Batch
 

@@ -25,7 +25,8 @@ from rmll_train.checkpoint import load_checkpoint, save_checkpoint
 from rmll_train.cli import _continued
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import evaluate, golden_trace
-from rmll_train.learner import GaitPPO, ReturnScale
+from rmll_train.learner import GaitPPO
+from rmll_train.return_scale import ReturnScale
 from rmll_train.settings import Learner, Settings, World, to_yaml
 from rmll_train.training import Run, train
 
@@ -239,15 +240,16 @@ def roll_out(ppo: GaitPPO, env: GaitEnv, poison: bool) -> None:
 def test_gradients_that_are_not_finite_are_skipped_counted_and_in_the_end_stop_the_run() -> None:
     ppo = learner()
     ppo.return_scale = None
+    all_of_actor_and_critic = 2 * SMALL.learner.epochs * SMALL.learner.mini_batches
     env = GaitEnv(load_gait("trot"), A1, SMALL.world, 0)
     before = {name: value.clone() for name, value in ppo.critic.state_dict().items()}
     roll_out(ppo, env, poison=True)
     ppo.update()
-    assert ppo.skipped_steps == SMALL.learner.epochs * SMALL.learner.mini_batches
+    assert ppo.skipped_steps == all_of_actor_and_critic
     assert all(torch.equal(before[name], value) for name, value in ppo.critic.state_dict().items())
     roll_out(ppo, env, poison=False)
     ppo.update()
-    assert ppo.skipped_steps == SMALL.learner.epochs * SMALL.learner.mini_batches
+    assert ppo.skipped_steps == all_of_actor_and_critic
     with pytest.raises(Failure, match="diverged"):
         for _ in range(10):
             roll_out(ppo, env, poison=True)

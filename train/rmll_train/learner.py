@@ -1,54 +1,31 @@
 """PPO for rare, large gait bonuses, with the state estimator trained beside it.
 
 rsl-rl's PPO keeps the rollout and scores it; acting and learning are here: rewards are divided by
-the spread of the return, matrix products run in bfloat16, symmetric states are folded, and the
-estimator has its own loss and optimiser.
+the spread of the return, matrix products run in bfloat16, symmetric states are folded, and actor,
+critic and estimator have each its own loss and optimiser.
 """
 
 import math
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import torch
 from rsl_rl.algorithms import PPO
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
-from torch import Tensor, nn
+from torch import Tensor
 
 from rmll_gaits.errors import Failure
+from rmll_train.descent import Descent, Pass
 from rmll_train.environment import GaitEnv
 from rmll_train.folding import Fold, images
 from rmll_train.network import ACTIVATION, EstimatingActor, FoldedCritic, estimate_loss
+from rmll_train.return_scale import ReturnScale
 from rmll_train.settings import Learner
 
 OBSERVATION_GROUPS = {"actor": ["policy"], "critic": ["critic"]}
-
-
-class ReturnScale(nn.Module):
-    """Running standard deviation of the discounted return, by which rewards are divided.
-
-    Without it the critic has to reach values of several hundred (the bonus is 1000) through an
-    output layer that starts at zero. Moments are averaged over about 500 policy steps.
-    """
-
-    discounted: Tensor
-    moment: Tensor
-
-    def __init__(self, envs: int, gamma: float, horizon: float = 500.0):
-        super().__init__()
-        self.gamma, self.rate = gamma, 1.0 / horizon
-        self.register_buffer("discounted", torch.zeros(envs))
-        self.register_buffer("moment", torch.zeros(2))
-
-    def forward(self, rewards: Tensor, dones: Tensor) -> Tensor:
-        """Scaled rewards (envs,); updates the scale."""
-        self.discounted = self.discounted * self.gamma + rewards
-        square = self.discounted.square().mean()
-        # moment[1] is the weight collected so far: it removes the bias of the start at zero
-        self.moment = self.moment + self.rate * (
-            torch.stack([square, torch.ones(())]) - self.moment
-        )
-        self.discounted = self.discounted * ~dones.bool()
-        return rewards / (self.moment[0] / self.moment[1] + 1e-8).sqrt()
 
 
 class Samples(NamedTuple):
@@ -76,6 +53,8 @@ class GaitPPO(PPO):
 
     rsl-rl's update reads the rollout again for every mini-batch; this one folds, estimates and
     shuffles it once, which on a CPU is most of the time that is not spent in matrix products.
+    The critic works in a thread of its own beside the actor, each with half of the cores: they need
+    each other once an update, where threads that share every operation wait for each other at each.
     """
 
     def __init__(self, env: GaitEnv, settings: Learner):
@@ -107,16 +86,23 @@ class GaitPPO(PPO):
         self.policy = actor
         """The actor again, under its own type"""
         self._critic_fold = critic.fold
-        # the estimator has its own optimiser: it learns from what is true, not from rewards
-        self._estimating = list(actor.estimator.parameters())
         spread = list(actor.distribution.parameters())
-        self._acting = [*actor.mlp.parameters(), *spread]
-        self._judging = list(critic.parameters())
-        layers = [*actor.mlp.parameters(), *self._judging]
-        groups = [{"params": layers, "factor": 1.0}, {"params": spread, "factor": s.spread_rate}]
+        groups = [
+            {"params": list(actor.mlp.parameters()), "factor": 1.0},
+            {"params": spread, "factor": s.spread_rate},
+        ]
         self.optimizer = torch.optim.Adam(groups, lr=s.learning_rate, fused=True)
+        """The actor's, as rsl-rl names it"""
+        self.critic_optimizer = torch.optim.Adam(
+            critic.parameters(), lr=s.learning_rate, fused=True
+        )
+        # the estimator learns from what is true, not from rewards
         self.estimator_optimizer = torch.optim.Adam(
-            self._estimating, lr=s.estimator_rate, fused=True
+            actor.estimator.parameters(), lr=s.estimator_rate, fused=True
+        )
+        self._half = max(1, torch.get_num_threads() // 2)
+        self._beside = ThreadPoolExecutor(
+            1, "critic", initializer=torch.set_num_threads, initargs=(self._half,)
         )
         self.estimator_batches = s.estimator_batches
         self.return_scale = ReturnScale(env.num_envs, s.gamma) if s.normalise_returns else None
@@ -137,24 +123,27 @@ class GaitPPO(PPO):
         """Actions (envs, 12) with exploration; remembers what the update needs."""
         actor, fold, kept = self.policy, self.policy.fold, self.transition
         turned = fold.turned(obs["policy"])
-        seen = TensorDict(
-            {
-                "policy": fold.observation(obs["policy"], turned),
-                "critic": self._critic_fold.observation(obs["critic"], turned),
-                "estimate": fold.estimate(obs["estimate"], turned),
-            },
-            batch_size=obs.batch_size,
-        )
-        with self._precision():
-            mean = actor.mlp(actor.with_estimate(seen["policy"])).float()
-            kept.values = self.critic.mlp(seen["critic"]).float()
-        actor.distribution.update(mean)
-        kept.actions = actor.distribution.sample()
-        kept.actions_log_prob = actor.distribution.log_prob(kept.actions)
+        judged = self._critic_fold.observation(obs["critic"], turned)
+        with self._two_halves():
+            value = self._beside.submit(self._value, judged)
+            seen = fold.observation(obs["policy"], turned)
+            with self._precision():
+                mean = actor.mlp(actor.with_estimate(seen)).float()
+            actor.distribution.update(mean)
+            kept.actions = actor.distribution.sample()
+            kept.actions_log_prob = actor.distribution.log_prob(kept.actions)
+            true = fold.estimate(obs["estimate"], turned)
+            kept.values = value.result()
         kept.distribution_params = (mean,)
-        kept.observations = seen
+        kept.observations = TensorDict(
+            {"policy": seen, "critic": judged, "estimate": true}, batch_size=obs.batch_size
+        )
         kept.hidden_states = (None, None)
         return fold.action(kept.actions, turned)
+
+    def _value(self, judged: Tensor) -> Tensor:
+        with torch.inference_mode(), self._precision():  # a thread has its own of both
+            return self.critic.mlp(judged).float()
 
     def process_env_step(
         self, obs: TensorDict, rewards: Tensor, dones: Tensor, extras: dict[str, Any]
@@ -164,29 +153,32 @@ class GaitPPO(PPO):
         super().process_env_step(obs, rewards, dones, extras)
 
     def update(self) -> dict[str, float]:
-        """Epochs of PPO over the rollout, then one pass of the estimator over it.
+        """Epochs of PPO over the rollout, and one pass of the estimator over it.
 
         Raises Failure if ten updates in a row changed nothing for want of finite gradients.
         """
-        skipped_before, steps = self.skipped_steps, self.num_learning_epochs * self.num_mini_batches
         order = torch.randperm(self.storage.rewards.numel())
         samples = self._samples(order)
-        deviation = self.policy.distribution.std[0].clone()
-        losses = [
-            self._learn(batch, deviation)
-            for _ in range(self.num_learning_epochs)
-            for batch in samples.batches(self.num_mini_batches)
-        ]
-        skipped_all = self.skipped_steps - skipped_before >= steps
-        self._lost_updates = self._lost_updates + 1 if skipped_all else 0
+        batches = self.num_learning_epochs * samples.batches(self.num_mini_batches)
+        rate = self.learning_rate  # which the actor's steps change
+        with self._two_halves():
+            # in `batches` the estimates stay those that the actions were drawn from
+            beside = self._beside.submit(
+                lambda: (self._judge(batches, rate), self._estimate(order))
+            )
+            acting = self._improve(batches)
+            judging, estimating = beside.result()
+        self.storage.clear()
+
+        self.skipped_steps += acting.skipped + judging.skipped + estimating.skipped
+        lost = max(acting.skipped, judging.skipped) == len(batches)
+        self._lost_updates = self._lost_updates + 1 if lost else 0
         if self._lost_updates >= 10:
             raise Failure("training diverged: ten updates in a row had no finite gradients")
-        surrogate, value, entropy = torch.stack(losses).mean(0).tolist()
-        # after PPO: within its epochs the estimates stay those that the actions were drawn from
-        estimator = self._update_estimator(order)
-        self.storage.clear()
+        surrogate, entropy = acting.losses
         return {
-            "surrogate": surrogate, "value": value, "entropy": entropy, "estimator": estimator,
+            "surrogate": surrogate, "value": judging.losses[0], "entropy": entropy,
+            "estimator": estimating.losses[0],
         }  # fmt: skip
 
     def _samples(self, order: Tensor) -> Samples:
@@ -204,30 +196,39 @@ class GaitPPO(PPO):
             *(part.flatten(0, 1)[order] for part in flat),
         )
 
-    def _learn(self, batch: Samples, old_deviation: Tensor) -> Tensor:
-        """One step of PPO (Schulman et al. 2017); returns surrogate and value loss, and entropy."""
-        with self._precision():
-            mean = self.policy.mlp(batch.actor_input).float()
-            value = self.critic.mlp(batch.critic_input).float()
+    def _improve(self, batches: list[Samples]) -> Pass:
+        """The actor's steps (Schulman et al. 2017); its losses: surrogate and entropy."""
         distribution = self.policy.distribution
-        distribution.update(mean)
-        self._follow_divergence(batch.mean, old_deviation)
+        old_deviation = distribution.std[0].detach().clone()
+        descent = Descent(self.optimizer, self.max_grad_norm)
+        for batch in batches:
+            with self._precision():
+                mean = self.policy.mlp(batch.actor_input).float()
+            distribution.update(mean)
+            self._follow_divergence(batch.mean, old_deviation)
+            ratio = (distribution.log_prob(batch.action) - batch.log_prob[:, 0]).exp()
+            advantage = batch.advantage[:, 0]
+            bounded = ratio.clamp(1 - self.clip_param, 1 + self.clip_param)
+            surrogate = -torch.minimum(advantage * ratio, advantage * bounded).mean()
+            entropy = distribution.entropy.mean()
+            descent.step(surrogate - self.entropy_coef * entropy, surrogate, entropy)
+        return descent.end()
 
-        ratio = (distribution.log_prob(batch.action) - batch.log_prob[:, 0]).exp()
-        advantage = batch.advantage[:, 0]
-        bounded = ratio.clamp(1 - self.clip_param, 1 + self.clip_param)
-        surrogate = -torch.minimum(advantage * ratio, advantage * bounded).mean()
-        error = (value - batch.returns).square()
-        if self.use_clipped_value_loss:
-            near = batch.value + (value - batch.value).clamp(-self.clip_param, self.clip_param)
-            error = torch.maximum(error, (near - batch.returns).square())
-        value_loss = error.mean()
-        entropy = distribution.entropy.mean()
-
-        self.optimizer.zero_grad()
-        (surrogate + value_loss - self.entropy_coef * entropy).backward()
-        self._apply(self.optimizer, self.max_grad_norm, self._acting, self._judging)
-        return torch.stack([surrogate, value_loss, entropy]).detach()
+    def _judge(self, batches: list[Samples], rate: float) -> Pass:
+        """The critic's steps."""
+        for group in self.critic_optimizer.param_groups:
+            group["lr"] = rate
+        descent = Descent(self.critic_optimizer, self.max_grad_norm)
+        for batch in batches:
+            with self._precision():
+                value = self.critic.mlp(batch.critic_input).float()
+            error = (value - batch.returns).square()
+            if self.use_clipped_value_loss:
+                near = batch.value + (value - batch.value).clamp(-self.clip_param, self.clip_param)
+                error = torch.maximum(error, (near - batch.returns).square())
+            loss = error.mean()
+            descent.step(loss, loss)
+        return descent.end()
 
     @torch.no_grad()
     def _follow_divergence(self, old_mean: Tensor, old_deviation: Tensor) -> None:
@@ -242,31 +243,29 @@ class GaitPPO(PPO):
         for group in self.optimizer.param_groups:
             group["lr"] = self.learning_rate * group["factor"]
 
-    def _update_estimator(self, order: Tensor) -> float:
+    def _estimate(self, order: Tensor) -> Pass:
+        """The estimator's steps, one pass over the rollout."""
         observed = self.storage.observations.flatten(0, 1)
         own, true = observed["policy"][order], observed["estimate"][order]
-        losses = []
+        descent = Descent(self.estimator_optimizer, math.inf)
         for seen, wanted in zip(
             own.chunk(self.estimator_batches), true.chunk(self.estimator_batches), strict=True
         ):
             with self._precision():
                 estimate = self.policy.estimator(seen).float()
             loss = estimate_loss(estimate, wanted)
-            self.estimator_optimizer.zero_grad()
-            loss.backward()
-            self._apply(self.estimator_optimizer, math.inf, self._estimating)
-            losses.append(loss.detach())
-        return float(torch.stack(losses).mean())
+            descent.step(loss, loss)
+        return descent.end()
 
-    def _apply(
-        self, optimizer: torch.optim.Optimizer, limit: float, *networks: list[nn.Parameter]
-    ) -> None:
-        """Step, each network's gradient clipped to ``limit``; left out if any is not finite."""
-        norms = [nn.utils.clip_grad_norm_(part, limit) for part in networks]
-        if torch.stack(norms).isfinite().all():
-            optimizer.step()
-        else:
-            self.skipped_steps += 1
+    @contextmanager
+    def _two_halves(self) -> Iterator[None]:
+        """Here this thread has half of the cores, and the one beside it the others."""
+        threads = torch.get_num_threads()
+        torch.set_num_threads(self._half)
+        try:
+            yield
+        finally:
+            torch.set_num_threads(threads)
 
     def _precision(self) -> torch.autocast:
         return torch.autocast("cpu", torch.bfloat16, enabled=self.use_mixed_precision)
@@ -274,6 +273,7 @@ class GaitPPO(PPO):
     def state(self) -> dict[str, Any]:
         """Everything a resumed run needs to go on."""
         saved = super().save()
+        saved["critic_optimizer"] = self.critic_optimizer.state_dict()
         saved["estimator_optimizer"] = self.estimator_optimizer.state_dict()
         saved["return_scale"] = self.return_scale.state_dict() if self.return_scale else None
         saved["learning_rate"] = self.learning_rate
@@ -282,6 +282,7 @@ class GaitPPO(PPO):
 
     def restore(self, saved: dict[str, Any]) -> None:
         super().load(saved, None, strict=True)
+        self.critic_optimizer.load_state_dict(saved["critic_optimizer"])
         self.estimator_optimizer.load_state_dict(saved["estimator_optimizer"])
         if self.return_scale is not None:
             self.return_scale.load_state_dict(saved["return_scale"])

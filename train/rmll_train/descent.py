@@ -1,0 +1,40 @@
+"""A pass of gradient steps, those without finite gradients left out and counted."""
+
+import itertools
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+
+class Pass(NamedTuple):
+    """What came of it."""
+
+    losses: tuple[float, ...]
+    """Means over the steps"""
+    skipped: int
+    """Steps that were left out"""
+
+
+class Descent:
+    """Steps of one optimiser, the gradient of all its parameters clipped to the norm ``limit``."""
+
+    def __init__(self, optimizer: torch.optim.Optimizer, limit: float):
+        self._optimizer, self._limit = optimizer, limit
+        groups = optimizer.param_groups
+        self._parameters = list(itertools.chain(*(group["params"] for group in groups)))
+        self._told: list[Tensor] = []
+        self._skipped = 0
+
+    def step(self, loss: Tensor, *told: Tensor) -> None:
+        """Down the gradient of ``loss``; ``told``, scalars, are what to report of it."""
+        self._optimizer.zero_grad()
+        loss.backward()
+        if nn.utils.clip_grad_norm_(self._parameters, self._limit).isfinite():
+            self._optimizer.step()
+        else:
+            self._skipped += 1
+        self._told.append(torch.stack(told).detach())
+
+    def end(self) -> Pass:
+        return Pass(tuple(torch.stack(self._told).mean(0).tolist()), self._skipped)
