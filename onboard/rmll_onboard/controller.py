@@ -4,6 +4,8 @@ No clock and no input or output, so the same class walks the robot, proves bundl
 logs. Arrays are in the policy's joint order.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -17,6 +19,19 @@ from rmll_onboard.policy import Policy
 
 TRACE_TOLERANCE = 1e-4
 """Largest difference from the trainer's answers: other matrix kernels round differently"""
+
+
+class Sensed(NamedTuple):
+    """What the robot measures for one policy step."""
+
+    q: NDArray
+    """(12,) joint angles [rad]"""
+    dq: NDArray
+    """(12,) joint speeds [rad/s]"""
+    projected_gravity: NDArray
+    """(3,) unit vector of gravity, base frame"""
+    gyro: NDArray
+    """(3,) angular velocity [rad/s], base frame"""
 
 
 class Controller:
@@ -73,58 +88,66 @@ class Controller:
         """Neither an edge nor a hold of the state before the step explains the label"""
         return self._progress.off_spec
 
-    @property
-    def foot_height(self) -> NDArray[np.floating]:
-        """(4,) [m] above the ground, as estimated by the last step; 0 before the first one."""
-        return self.estimate[self._foot_height]
+    def foot_height(self, sensed: Sensed, command: ArrayLike) -> NDArray[np.floating]:
+        """(4,) [m] above the ground, as estimated before the automaton steps.
+
+        For the labels of the :meth:`step` that follows: what the last one estimated is a policy
+        step old, in which a foot that lifts rises by centimetres.
+        """
+        _, estimate = self._look(self.phi + 1, sensed, self._trained(command))
+        return estimate[self._foot_height]
 
     def step(
         self,
         touching: NDArray[np.bool_],
         clear: NDArray[np.bool_],
-        q: NDArray,
-        dq: NDArray,
-        projected_gravity: NDArray,
-        gyro: NDArray,
+        sensed: Sensed,
         command: ArrayLike,
     ) -> NDArray[np.float64]:
         """One policy step.
 
         Args:
             touching, clear: (4,) signals of the labelling function.
-            q, dq: (12,) joint angles [rad] and speeds [rad/s].
-            projected_gravity: (3,) unit vector of gravity, base frame.
-            gyro: (3,) angular velocity [rad/s], base frame.
+            sensed: now.
             command: (3,) vx [m/s], wz [rad/s], c_f [policy steps].
 
         Returns:
             Joint targets [rad] (12,), before any safety limit.
         """
-        self.command = np.clip(command, self._low, self._high)
+        self.command = self._trained(command)
         self.down = label.hysteresis(self.down, touching, clear)
         self.label = int(label.label(self.down))
         self._progress.step(self.label, self.command[2])
-        vx, wz, frequency = self.command
+        self.raw_action, self.estimate = self._look(self.phi, sensed, self.command)
+        self.action = self.raw_action.clip(-self._clip, self._clip)
+        self.target = action.targets(self.action, self._default_pose, self._scale, self._clip)
+        return self.target
+
+    def _trained(self, command: ArrayLike) -> NDArray:
+        return np.clip(command, self._low, self._high)
+
+    def _look(
+        self, phi: int, sensed: Sensed, command: NDArray
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The network's action and estimate, valid until the next call."""
+        vx, wz, frequency = command
         observation.write(
             self.observation,
             self._fields,
             {
                 "rm_state": self._one_hot[self.state],
-                "phi": self.phi,
-                "joint_position": q - self._default_pose,
-                "joint_velocity": dq,
+                "phi": phi,
+                "joint_position": sensed.q - self._default_pose,
+                "joint_velocity": sensed.dq,
                 "last_action": self.action,
                 "command_vx": vx,
                 "command_wz": wz,
                 "command_frequency": frequency,
-                "projected_gravity": projected_gravity,
-                "angular_velocity": gyro,
+                "projected_gravity": sensed.projected_gravity,
+                "angular_velocity": sensed.gyro,
             },
         )
-        self.raw_action, self.estimate = self._policy.run(self.observation)
-        self.action = self.raw_action.clip(-self._clip, self._clip)
-        self.target = action.targets(self.action, self._default_pose, self._scale, self._clip)
-        return self.target
+        return self._policy.run(self.observation)
 
 
 def prove(bundle: Bundle) -> int:
@@ -143,19 +166,18 @@ def prove(bundle: Bundle) -> int:
         "action": (trace.action, TRACE_TOLERANCE),
         "target": (trace.target, TRACE_TOLERANCE),
     }
-    inputs = (
-        np.array(trace.touching, bool),
-        np.array(trace.clear, bool),
+    touching, clear = np.array(trace.touching, bool), np.array(trace.clear, bool)
+    sensed = Sensed(
         np.array(trace.joint_position),
         np.array(trace.joint_velocity),
         np.array(trace.projected_gravity),
         np.array(trace.angular_velocity),
-        np.array(trace.command),
     )
     controller = Controller(bundle)
     steps = len(trace.label)
     for row in range(steps):
-        controller.step(*(array[row] for array in inputs))
+        now = Sensed(*(array[row] for array in sensed))
+        controller.step(touching[row], clear[row], now, trace.command[row])
         for name, (expected, tolerance) in answers.items():
             ours, theirs = np.asarray(getattr(controller, name)), np.asarray(expected[row])
             # written so that NaN counts as a difference

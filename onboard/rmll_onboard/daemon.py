@@ -13,7 +13,7 @@ from rmll_gaits.schedule import transition_rate
 from rmll_onboard import remote
 from rmll_onboard.attitude import projected_gravity
 from rmll_onboard.bundle import Bundle
-from rmll_onboard.controller import Controller
+from rmll_onboard.controller import Controller, Sensed
 from rmll_onboard.foot_contact import FootContact
 from rmll_onboard.gait_monitor import GaitMonitor
 from rmll_onboard.guard import ActionGuard, Guard, Seen
@@ -161,12 +161,12 @@ class Daemon:
 
     def _step_policy(self, gravity: np.ndarray, command: tuple[float, float, float]) -> None:
         state, joints = self.intake.state, self._joints
-        touching, clear = self._feet.step(state.foot_force, self.controller.foot_height)
+        sensed = Sensed(state.q[joints], state.dq[joints], gravity, state.gyro)
+        height = self.controller.foot_height(sensed, command)
+        touching, clear = self._feet.step(state.foot_force, height)
         if complaint := self._feet.complaint:
             self._guard.warn(complaint)
-        self._target[joints] = self.controller.step(
-            touching, clear, state.q[joints], state.dq[joints], gravity, state.gyro, command
-        )
+        self._target[joints] = self.controller.step(touching, clear, sensed, command)
         if complaint := self._action_guard.complaint(self.controller.raw_action):
             self._supervisor.trip(complaint)
 

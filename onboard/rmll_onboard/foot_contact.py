@@ -43,8 +43,8 @@ class FootContact:
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """``touching`` and ``clear`` (4,), once a policy step.
 
-        ``foot_force`` (4,) are raw sensor values, ``height`` (4,) [m] the feet's heights above the
-        ground as the estimator last saw them; the latter alone count for feet without a working
+        ``foot_force`` (4,) are raw sensor values, ``height`` (4,) [m] the feet's estimated heights
+        above the ground; the latter alone count for feet without a working
         sensor.
 
         A foot is touching if it presses now or did one policy step ago. The sensors cannot see

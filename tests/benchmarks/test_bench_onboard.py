@@ -5,7 +5,7 @@ import pytest
 
 from rmll_onboard import a1_wire
 from rmll_onboard.bundle import Bundle
-from rmll_onboard.controller import Controller, prove
+from rmll_onboard.controller import Controller, Sensed, prove
 from rmll_robots import A1
 
 
@@ -28,8 +28,8 @@ def test_bare_onnxruntime(benchmark, bundle: Bundle) -> None:
 def test_controller_step(benchmark, bundle: Bundle) -> None:
     controller = Controller(bundle)
     feet, joints = np.ones(4, bool), A1.default_pose.copy()
-    gravity, gyro, command = np.array([0.0, 0.0, -1.0]), np.zeros(3), (0.5, 0.0, 9.0)
-    benchmark(controller.step, feet, ~feet, joints, np.zeros(12), gravity, gyro, command)
+    sensed = Sensed(joints, np.zeros(12), np.array([0.0, 0.0, -1.0]), np.zeros(3))
+    benchmark(controller.step, feet, ~feet, sensed, (0.5, 0.0, 9.0))
 
 
 def test_proving_a_bundle(benchmark, bundle: Bundle) -> None:

@@ -16,7 +16,7 @@ from rmll_gaits.table import ADVANCE, REJECT, Commands, MachineTable
 from rmll_onboard import a1_wire
 from rmll_onboard.a1_wire import RobotState
 from rmll_onboard.bundle import Bundle, load_bundle
-from rmll_onboard.controller import Controller
+from rmll_onboard.controller import Controller, Sensed
 from rmll_onboard.policy import open_session
 from rmll_onboard.settings import Link, Motion, Safety, Settings, Steering
 from rmll_robots import A1
@@ -115,7 +115,8 @@ def record_trace(model: bytes, contract: Contract, steps: int = 40) -> Trace:
             "angular_velocity": random.normal(0, 0.1, 3),
             "command": np.array([0.5, 0.0, 8.0]),
         }
-        controller.step(*inputs.values())
+        touching, clear, *sensed, command = inputs.values()
+        controller.step(touching, clear, Sensed(*sensed), command)
         answers = {name: getattr(controller, name) for name in rows.keys() - inputs.keys()}
         for name, value in (inputs | answers).items():
             rows[name].append(np.array(value).tolist())

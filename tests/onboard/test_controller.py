@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rmll_onboard.bundle import load_bundle
-from rmll_onboard.controller import Controller
+from rmll_onboard.controller import Controller, Sensed
 
 TROT = 6, 9
 ALL = 15
@@ -20,10 +20,12 @@ def step(controller, label, command=(0.5, 0.0, 6.0), gyro=(0.0, 0.0, 0.0), q=Non
     return controller.step(
         touching,
         ~touching,
-        controller.target * 0 + 0.1 if q is None else q,
-        np.zeros(12),
-        np.array([0.0, 0.0, -1.0]),
-        np.array(gyro),
+        Sensed(
+            controller.target * 0 + 0.1 if q is None else q,
+            np.zeros(12),
+            np.array([0.0, 0.0, -1.0]),
+            np.array(gyro),
+        ),
         command,
     )
 
@@ -50,11 +52,28 @@ def test_an_edge_opens_after_c_f_steps(controller):
 def test_a_foot_between_the_thresholds_keeps_its_bit(controller):
     step(controller, TROT[0])
     nothing = np.zeros(4, bool)
-    zeros = np.zeros(12), np.zeros(12), np.zeros(3), np.zeros(3)
-    controller.step(nothing, nothing, *zeros, (0, 0, 6))
+    still = Sensed(np.zeros(12), np.zeros(12), np.zeros(3), np.zeros(3))
+    controller.step(nothing, nothing, still, (0, 0, 6))
     assert controller.label == TROT[0]
-    controller.step(nothing, ~nothing, *zeros, (0, 0, 6))
+    controller.step(nothing, ~nothing, still, (0, 0, 6))
     assert controller.label == 0
+
+
+def test_feet_are_looked_at_as_they_are_now_and_the_gait_does_not_notice(controller, bundle):
+    unasked = Controller(bundle)
+    down, command = np.array([0.0, 0.0, -1.0]), (0.5, 0.0, 6.0)
+    for count in range(12):
+        q = controller.target * 0 + 0.1 * count
+        sensed = Sensed(q, np.zeros(12), down, np.zeros(3))
+        height = controller.foot_height(sensed, command).copy()
+        for each in (controller, unasked):
+            step(each, TROT[each.state], q=q)
+        # without a transition the step itself sees the same
+        seen = controller.estimate[-4:]
+        assert count == 0 or np.array_equal(height, seen) is not controller.advanced
+        assert (controller.state, controller.phi) == (unasked.state, unasked.phi)
+        assert np.array_equal(controller.observation, unasked.observation)
+        assert np.array_equal(controller.target, unasked.target)
 
 
 def test_a_label_that_leads_to_the_sink_is_off_spec_and_waits(controller):

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from itertools import cycle, islice
 from typing import Any, NamedTuple
 
 import torch
@@ -106,6 +107,8 @@ class GaitPPO(PPO):
         )
         self.estimator_batches = s.estimator_batches
         self.return_scale = ReturnScale(env.num_envs, s.gamma) if s.normalise_returns else None
+        self._rates = [self.learning_rate] * (s.epochs * s.mini_batches)
+        """The learning rate at each of the actor's steps in the last update"""
         self.skipped_steps = 0
         """Optimiser steps left out so far because a gradient was not finite"""
         self._lost_updates = 0
@@ -160,11 +163,11 @@ class GaitPPO(PPO):
         order = torch.randperm(self.storage.rewards.numel())
         samples = self._samples(order)
         batches = self.num_learning_epochs * samples.batches(self.num_mini_batches)
-        rate = self.learning_rate  # which the actor's steps change
+        rates = self._rates
         with self._two_halves():
             # in `batches` the estimates stay those that the actions were drawn from
             beside = self._beside.submit(
-                lambda: (self._judge(batches, rate), self._estimate(order))
+                lambda: (self._judge(batches, rates), self._estimate(order))
             )
             acting = self._improve(batches)
             judging, estimating = beside.result()
@@ -201,25 +204,31 @@ class GaitPPO(PPO):
         distribution = self.policy.distribution
         old_deviation = distribution.std[0].detach().clone()
         descent = Descent(self.optimizer, self.max_grad_norm)
+        rates = []
         for batch in batches:
             with self._precision():
                 mean = self.policy.mlp(batch.actor_input).float()
             distribution.update(mean)
             self._follow_divergence(batch.mean, old_deviation)
+            rates.append(self.learning_rate)
             ratio = (distribution.log_prob(batch.action) - batch.log_prob[:, 0]).exp()
             advantage = batch.advantage[:, 0]
             bounded = ratio.clamp(1 - self.clip_param, 1 + self.clip_param)
             surrogate = -torch.minimum(advantage * ratio, advantage * bounded).mean()
             entropy = distribution.entropy.mean()
             descent.step(surrogate - self.entropy_coef * entropy, surrogate, entropy)
+        self._rates = rates
         return descent.end()
 
-    def _judge(self, batches: list[Samples], rate: float) -> Pass:
-        """The critic's steps."""
-        for group in self.critic_optimizer.param_groups:
-            group["lr"] = rate
+    def _judge(self, batches: list[Samples], rates: list[float]) -> Pass:
+        """The critic's steps, at the rates of the actor's steps of the update before.
+
+        Not at its last one: within an update rates rise and then fall, and the last is half of the
+        mean.
+        """
         descent = Descent(self.critic_optimizer, self.max_grad_norm)
-        for batch in batches:
+        for batch, rate in zip(batches, rates, strict=True):
+            self.critic_optimizer.param_groups[0]["lr"] = rate
             with self._precision():
                 value = self.critic.mlp(batch.critic_input).float()
             error = (value - batch.returns).square()
@@ -276,7 +285,7 @@ class GaitPPO(PPO):
         saved["critic_optimizer"] = self.critic_optimizer.state_dict()
         saved["estimator_optimizer"] = self.estimator_optimizer.state_dict()
         saved["return_scale"] = self.return_scale.state_dict() if self.return_scale else None
-        saved["learning_rate"] = self.learning_rate
+        saved["rates"] = self._rates
         saved["skipped"] = self.skipped_steps
         return saved
 
@@ -286,5 +295,7 @@ class GaitPPO(PPO):
         self.estimator_optimizer.load_state_dict(saved["estimator_optimizer"])
         if self.return_scale is not None:
             self.return_scale.load_state_dict(saved["return_scale"])
-        self.learning_rate = saved["learning_rate"]
+        # a new stage may have more or fewer steps an update
+        self._rates = list(islice(cycle(saved["rates"]), len(self._rates)))
+        self.learning_rate = saved["rates"][-1]
         self.skipped_steps = saved["skipped"]
