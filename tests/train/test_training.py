@@ -273,6 +273,21 @@ def test_policy_and_estimator_learn_each_from_its_own_loss_alone() -> None:
     assert all(torch.equal(learned[0][name], value) for name, value in learned[1].items())
 
 
+def test_the_critic_learns_at_the_rates_that_the_actor_had_an_update_before() -> None:
+    ppo, env = learner(), GaitEnv(load_gait("trot"), A1, SMALL.world, 0)
+    acting, judging = [], []
+    for optimizer, rates in ((ppo.optimizer, acting), (ppo.critic_optimizer, judging)):
+        optimizer.register_step_pre_hook(
+            lambda at, *_, rates=rates: rates.append(at.param_groups[0]["lr"])
+        )
+    for _ in range(3):
+        roll_out(ppo, env, poison=False)
+        ppo.update()
+    steps = SMALL.learner.epochs * SMALL.learner.mini_batches
+    assert judging == [SMALL.learner.learning_rate] * steps + acting[:-steps]
+    assert len(set(acting)) > 1
+
+
 def test_returns_scaled_have_unit_spread() -> None:
     torch.manual_seed(0)
     scale = ReturnScale(envs=64, gamma=0.9)

@@ -42,7 +42,8 @@ class Reflected(nn.Module):
 
     def forward(self, vector: Tensor, turned: Tensor) -> Tensor:
         """``turned`` (n, 1) is 1 for rows to mirror and 0 for the others."""
-        return torch.where(turned > 0.5, vector[..., self.source] * self.sign, vector)
+        # index_select takes a fifth of the time of an index in brackets
+        return torch.where(turned > 0.5, vector.index_select(-1, self.source) * self.sign, vector)
 
 
 class Fold(nn.Module):

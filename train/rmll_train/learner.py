@@ -194,9 +194,9 @@ class GaitPPO(PPO):
         flat = (stored.actions, *stored.distribution_params, stored.actions_log_prob,
                 stored.values, stored.returns, stored.advantages)  # fmt: skip
         return Samples(
-            actor_input.to(kind)[order],
-            observed["critic"].to(kind)[order],
-            *(part.flatten(0, 1)[order] for part in flat),
+            actor_input.to(kind).index_select(0, order),
+            observed["critic"].to(kind).index_select(0, order),
+            *(part.flatten(0, 1).index_select(0, order) for part in flat),
         )
 
     def _improve(self, batches: list[Samples]) -> Pass:
@@ -255,7 +255,7 @@ class GaitPPO(PPO):
     def _estimate(self, order: Tensor) -> Pass:
         """The estimator's steps, one pass over the rollout."""
         observed = self.storage.observations.flatten(0, 1)
-        own, true = observed["policy"][order], observed["estimate"][order]
+        own, true = (observed[name].index_select(0, order) for name in ("policy", "estimate"))
         descent = Descent(self.estimator_optimizer, math.inf)
         for seen, wanted in zip(
             own.chunk(self.estimator_batches), true.chunk(self.estimator_batches), strict=True
