@@ -347,13 +347,13 @@ def test_pressure_above_one_narrows_both_tracking_rewards_alike(pressure: float)
 
 
 def test_only_what_feet_are_lifted_beyond_the_free_height_costs() -> None:
-    env, settings = make(), Rewards()
+    env, settings = make(), Rewards(foot_lift=-8.0)
     high = settings.free_lift + torch.tensor([0.02, -0.01, 0.0, 0.03])
     env.simulation.foot_height[:] = high
 
     weighted = reward.terms(env.simulation, still(env.command), settings, 1.0, env.dt)
 
-    assert weighted["foot_lift"].tolist() == pytest.approx([settings.foot_lift * 0.05] * ENVS)
+    assert weighted["foot_lift"].tolist() == pytest.approx([-8.0 * 0.05] * ENVS)
 
 
 def test_a_target_beyond_a_joints_limit_moves_it_as_the_limit_does() -> None:

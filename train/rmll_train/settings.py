@@ -58,8 +58,10 @@ class Rewards:
     and going too slowly saves little; ours"""
     velocity_y: float = -1.0
     """v_y^2; ours"""
-    foot_lift: float = -8.0
-    """sum over feet of what they are higher than ``free_lift`` [m]; ours"""
+    foot_lift: float = 0.0
+    """sum over feet of what they are higher than ``free_lift`` [m]; ours. At -8 a trot needs a
+    sixth less energy, but hard gaits come later: of 3 M steps a half_bound adheres at 0.88 to 0.90,
+    and at 0.91 to 0.93 without"""
     free_lift: float = 0.05
     """[m] above the ground, to which lifting a foot costs nothing"""
     form: Literal["exp", "clip"] = "exp"
@@ -250,7 +252,7 @@ def paper(settings: Settings) -> Settings:
     """The paper's observation, rewards and learner; what we added is off."""
     rewards = replace(
         settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0,
-        foot_lift=0.0, velocity_yaw=0.5, pressure=(1.0, 1.0), strict_above=0.0, promptness=0.0,
+        velocity_yaw=0.5, pressure=(1.0, 1.0), strict_above=0.0, promptness=0.0,
     )  # fmt: skip
     randomisation = replace(
         settings.world.randomisation, added_mass=(0.0, 0.0), centre_of_mass=0.0,

@@ -42,7 +42,6 @@ WITHOUT: dict[str, dict[str, Any]] = {
     "dwell": {"world": {"rewards": {"bonus_on": "step"}}},
     "promptness": {"world": {"rewards": {"promptness": 0.0}}},
     "turning": {"world": {"rewards": {"velocity_yaw": 0.5}}},
-    "lift": {"world": {"rewards": {"foot_lift": 0.0}}},
     "pressure": {"world": {"rewards": {"pressure": [1.0, 1.0]}}},
     "lenience": {"world": {"rewards": {"strict_above": 0.0}}},
     "clearance": {"world": {"first_clearance": 0.03}},
