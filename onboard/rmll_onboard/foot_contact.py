@@ -44,8 +44,7 @@ class FootContact:
         """``touching`` and ``clear`` (4,), once a policy step.
 
         ``foot_force`` (4,) are raw sensor values, ``height`` (4,) [m] the feet's estimated heights
-        above the ground; the latter alone count for feet without a working
-        sensor.
+        above the ground; the latter alone count for feet without a working sensor.
 
         A foot is touching if it presses now or did one policy step ago. The sensors cannot see
         height, and a robot that is pushed unloads feet without lifting them: a foot is clear of the

@@ -163,7 +163,7 @@ class GaitPPO(PPO):
         order = torch.randperm(self.storage.rewards.numel())
         samples = self._samples(order)
         batches = self.num_learning_epochs * samples.batches(self.num_mini_batches)
-        rates = self._rates
+        rates = self._rates  # of the update before: _improve collects new ones meanwhile
         with self._two_halves():
             # in `batches` the estimates stay those that the actions were drawn from
             beside = self._beside.submit(
