@@ -162,8 +162,11 @@ class Daemon:
     def _step_policy(self, gravity: np.ndarray, command: tuple[float, float, float]) -> None:
         state, joints = self.intake.state, self._joints
         sensed = Sensed(state.q[joints], state.dq[joints], gravity, state.gyro)
-        height = self.controller.foot_height(sensed, command)
-        touching, clear = self._feet.step(state.foot_force, height)
+        touching, clear = self._feet.step(
+            state.foot_force,
+            self.controller.down,
+            lambda: self.controller.foot_height(sensed, command),
+        )
         if complaint := self._feet.complaint:
             self._guard.warn(complaint)
         self._target[joints] = self.controller.step(touching, clear, sensed, command)

@@ -1,5 +1,6 @@
 """From the A1's foot force sensors to the two signals of the labelling function."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -39,23 +40,35 @@ class FootContact:
                 self.calibration.stand(foot_force)
 
     def step(
-        self, foot_force: NDArray[np.int16], height: NDArray[np.floating]
+        self,
+        foot_force: NDArray[np.int16],
+        down: NDArray[np.bool_],
+        look: Callable[[], NDArray[np.floating]],
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """``touching`` and ``clear`` (4,), once a policy step.
 
-        ``foot_force`` (4,) are raw sensor values, ``height`` (4,) [m] the feet's estimated heights
-        above the ground; the latter alone count for feet without a working sensor.
+        ``foot_force`` (4,) are raw sensor values, ``down`` (4,) the feet's bits of the last label.
+        ``look`` gives the feet's estimated heights (4,) [m] above the ground, which alone count for
+        feet without a working sensor. It costs a run of the network, so it is asked only if a bit
+        hangs on it.
 
         A foot is touching if it presses now or did one policy step ago. The sensors cannot see
         height, and a robot that is pushed unloads feet without lifting them: a foot is clear of the
-        ground if it bears no load and is high as well.
+        ground if it bears no load and is high as well. Feet that are up already are not told clear
+        unless heights were asked for; their bits do not need it.
         """
         measured = self.calibration
         measured.walk(foot_force)
         share = (foot_force - measured.unloaded) / measured.load
         dead = measured.dead
-        pressed = np.where(dead, height < TOUCHING_HEIGHT, share > self._settings.touching)
-        clear = (dead | (share < self._settings.clear)) & (height > CLEAR_HEIGHT)
+        pressed, clear = share > self._settings.touching, dead | (share < self._settings.clear)
+        lifted_perhaps = down & clear & ~self._before
+        if (dead | lifted_perhaps).any():
+            height = look()
+            pressed = np.where(dead, height < TOUCHING_HEIGHT, pressed)
+            clear &= height > CLEAR_HEIGHT
+        else:
+            clear = np.zeros_like(clear)
         touching = pressed | self._before
         self._before = pressed
         return touching, clear

@@ -45,7 +45,7 @@ class FixedThresholds:
 
     def rest(self, mode: object, foot_force: np.ndarray) -> None: ...
 
-    def step(self, foot_force: np.ndarray, height: object) -> tuple[np.ndarray, np.ndarray]:
+    def step(self, foot_force: np.ndarray, *_: object) -> tuple[np.ndarray, np.ndarray]:
         pressed = foot_force > 20
         touching = pressed | self._before
         self._before = pressed

@@ -15,6 +15,7 @@ from rmll_onboard.supervisor import Mode
 
 WEIGHT = 122.0
 """[N]"""
+ALL_DOWN = np.ones(4, bool)
 LOW, HIGH = np.zeros(4), np.full(4, 2 * CLEAR_HEIGHT)
 """[m] of all feet"""
 
@@ -62,12 +63,19 @@ def stances(gait: str, frequency: float, seconds: float) -> np.ndarray:
     return (np.array([15] * 5 + labels * rounds)[:, None] >> np.arange(4) & 1).astype(bool)
 
 
+def step(
+    feet: FootContact, force: np.ndarray, height: np.ndarray, down: np.ndarray = ALL_DOWN
+) -> tuple[np.ndarray, np.ndarray]:
+    return feet.step(force, down, lambda: height)
+
+
 def walk(feet: FootContact, soles: Soles, down: np.ndarray) -> np.ndarray:
     """(n, 4) the feet's bits of the label while they press as ``down`` says."""
     bits, out = np.ones(4, bool), []
     for stance in down:
         load = WEIGHT * stance / max(1, stance.sum())
-        bits = hysteresis(bits, *feet.step(soles.read(load), np.where(stance, LOW, HIGH)))
+        height = np.where(stance, LOW, HIGH)
+        bits = hysteresis(bits, *step(feet, soles.read(load), height, bits))
         out.append(bits)
     return np.array(out)
 
@@ -116,23 +124,47 @@ def test_feet_in_the_air_while_lying_tell_the_load_of_standing_at_once():
 
 def test_touching_remembers_one_step_and_clear_does_not():
     feet = FootContact(Feet(load=100, touching=0.2, clear=0.1))
-    touching, clear = feet.step(np.array([100, 21, 15, -30], np.int16), HIGH)
+    touching, clear = step(feet, np.array([100, 21, 15, -30], np.int16), HIGH)
     assert touching.tolist() == [True, True, False, False]
     assert clear.tolist() == [False, False, False, True]
-    touching, clear = feet.step(np.array([0, 20, 10, 9], np.int16), HIGH)
+    touching, clear = step(feet, np.array([0, 20, 10, 9], np.int16), HIGH)
     assert touching.tolist() == [True, True, False, False]
     assert clear.tolist() == [True, False, False, True]
     feet.reset()
-    assert not feet.step(np.zeros(4, np.int16), LOW)[0].any()
+    assert not step(feet, np.zeros(4, np.int16), LOW)[0].any()
 
 
 def test_a_foot_without_load_that_was_not_lifted_is_not_clear():
     """A push unloads feet; taken for lifted, they misled the policy of a walk into falling."""
     feet = FootContact(Feet(load=100))
     for _ in range(2):
-        touching, clear = feet.step(np.zeros(4, np.int16), np.array([0, 0.01, CLEAR_HEIGHT, 0.03]))
+        touching, clear = step(feet, np.zeros(4, np.int16), np.array([0, 0.01, CLEAR_HEIGHT, 0.03]))
     assert not touching.any()
     assert clear.tolist() == [False, False, False, True]
+
+
+def test_heights_are_asked_for_only_when_a_label_hangs_on_them():
+    """They cost a run of the network, in a tick that the robot waits for."""
+    random, settings = np.random.default_rng(0), Feet(load=100)
+    asked, feet = 0, FootContact(settings)
+    bits = expected = ALL_DOWN
+    before = ~ALL_DOWN
+    for _ in range(1000):
+        force, height = random.integers(-20, 60, 4), random.uniform(0, 2 * CLEAR_HEIGHT, 4)
+
+        def look(height: np.ndarray = height) -> np.ndarray:
+            nonlocal asked
+            asked += 1
+            return height
+
+        bits = hysteresis(bits, *feet.step(force.astype(np.int16), bits, look))
+        measured = feet.calibration
+        share = (force - measured.unloaded) / measured.load
+        pressed, clear = share > settings.touching, share < settings.clear
+        expected = hysteresis(expected, pressed | before, clear & (height > CLEAR_HEIGHT))
+        before = pressed
+        assert (bits == expected).all()
+    assert 0 < asked < 1000
 
 
 def test_standing_still_for_long_does_not_pass_for_a_foot_in_the_air():
@@ -147,8 +179,8 @@ def test_a_glitch_is_not_taken_for_a_foot_in_the_air():
     feet, down = stood_up(soles), stances("trot", 9, 4)
     walk(feet, soles, down)
     before = np.array(feet.report()["unloaded"])
-    feet.step(np.full(4, -32768, np.int16), LOW)
-    feet.step(np.full(4, 32767, np.int16), LOW)
+    step(feet, np.full(4, -32768, np.int16), LOW)
+    step(feet, np.full(4, 32767, np.int16), LOW)
     walk(feet, soles, down[:10])
     np.testing.assert_allclose(feet.report()["unloaded"], before, atol=5)
 
@@ -161,9 +193,9 @@ def test_a_foot_that_never_moved_is_dead_before_the_first_step(value):
     feet = stood_up(soles)
     assert feet.report()["dead"] == ["RR"]
     height = np.array([0, 0, TOUCHING_HEIGHT / 2, 0])
-    assert feet.step(soles.read(30), height)[0][2]
-    feet.step(soles.read(30), height + CLEAR_HEIGHT)
-    touching, clear = feet.step(soles.read(30), height + CLEAR_HEIGHT)
+    assert step(feet, soles.read(30), height)[0][2]
+    step(feet, soles.read(30), height + CLEAR_HEIGHT)
+    touching, clear = step(feet, soles.read(30), height + CLEAR_HEIGHT)
     assert (touching[2], clear[2]) == (False, True)
 
 
