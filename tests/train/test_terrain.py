@@ -7,9 +7,9 @@ import torch
 
 from rmll_gaits.load import load_gait
 from rmll_robots import A1
-from rmll_train.curriculum import Demands, Levels
+from rmll_train.curriculum import Levels
 from rmll_train.environment import GaitEnv
-from rmll_train.settings import Ground, Rewards, World
+from rmll_train.settings import Ground, World
 from rmll_train.simulation import training_model
 from rmll_train.terrain import Terrain, build
 
@@ -75,31 +75,3 @@ def test_who_masters_the_last_level_is_sent_to_any(terrain: Terrain) -> None:
     all_of_them = torch.ones(200, dtype=torch.bool)
     levels.update(torch.arange(200), all_of_them, ~all_of_them, torch.ones(200))
     assert set(levels.level.tolist()) == set(range(ALL.levels))
-
-
-def test_pressure_grows_only_while_gait_and_speed_are_held_and_stays_in_its_range() -> None:
-    demands = Demands(World(rewards=Rewards(pressure=(0.5, 2.0))))
-    demands.update(adherence=0.1, vx_error=0.0, steps=12)
-    assert demands.pressure == 0.5
-    for _ in range(500):
-        demands.update(adherence=0.99, vx_error=0.05, steps=12)
-    assert demands.pressure == 2.0
-    demands.update(adherence=0.99, vx_error=0.5, steps=12)
-    assert demands.pressure < 2.0
-
-
-def test_reject_edges_open_once_the_gait_is_there_and_stay_open() -> None:
-    demands = Demands(World(rewards=Rewards(strict_above=0.7)))
-    for adherence, strict in ((0.6, False), (0.71, True), (0.1, True)):
-        demands.update(adherence, vx_error=0.1, steps=12)
-        assert demands.strict == strict
-    assert Demands(World(rewards=Rewards(strict_above=0.0))).strict
-
-
-def test_feet_have_to_be_lifted_higher_as_the_gait_comes_and_never_lower_again() -> None:
-    demands = Demands(World(first_clearance=0.01, clearance=0.03))
-    seen = [demands.clearance]
-    for adherence in (0.35, 0.1, 0.9, 0.0):
-        demands.update(adherence, vx_error=0.1, steps=12)
-        seen.append(demands.clearance)
-    assert seen == pytest.approx([0.01, 0.02, 0.02, 0.03, 0.03])

@@ -47,13 +47,20 @@ class Levels:
 class Demands:
     """What is asked of all robots alike, moved by how well they walk."""
 
+    _STATE = "pressure", "adherence", "progress"
     RATE = 1.0016
     """Factor on the pressure from one policy step to the next: tenfold in 29 s of walking"""
+    MEMORY = 50
+    """Policy steps over which the adherence is averaged. A run's very first ones are full of
+    transitions that nobody made: of robots that begin in the pose which their state waits for"""
 
     def __init__(self, world: World):
         self._settings, self._clearances = world.rewards, (world.first_clearance, world.clearance)
+        self._first_gravity = world.first_gravity
         self.pressure = world.rewards.pressure[0]
         """Factor on all costs of R_walk"""
+        self.adherence = 0.0
+        """Of late, see ``MEMORY``"""
         self.progress = 0.0 if world.rewards.strict_above > 0 else 1.0
         """Highest adherence so far as a share of that from which on the demands are strict"""
 
@@ -68,11 +75,24 @@ class Demands:
         first, last = self._clearances
         return first + (last - first) * self.progress
 
+    @property
+    def gravity(self) -> float:
+        """Share of the earth's"""
+        return self._first_gravity + (1 - self._first_gravity) * self.progress
+
+    def state_dict(self) -> dict[str, float]:
+        return {name: getattr(self, name) for name in self._STATE}
+
+    def load_state_dict(self, saved: dict[str, float]) -> None:
+        for name in self._STATE:
+            setattr(self, name, saved[name])
+
     def update(self, adherence: float, vx_error: float, steps: int) -> None:
         """After a rollout of so many policy steps with these means over all robots."""
         settings, (low, high) = self._settings, self._settings.pressure
         holds = adherence > settings.hold_adherence and vx_error < settings.hold_vx_error
         factor = self.RATE ** (steps if holds else -steps)
         self.pressure = min(high, max(low, self.pressure * factor))
+        self.adherence += (adherence - self.adherence) * min(1.0, steps / self.MEMORY)
         if not self.strict:
-            self.progress = max(self.progress, min(1.0, adherence / settings.strict_above))
+            self.progress = max(self.progress, min(1.0, self.adherence / settings.strict_above))

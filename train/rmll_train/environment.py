@@ -106,7 +106,7 @@ class GaitEnv(VecEnv):
         clip, scale = self.robot.action_clip, self.robot.action_scale
         taken = actions.detach().nan_to_num().clamp(-clip, clip)
         self.targets = action.targets(taken, self._default, scale, clip)
-        failed = self.simulation.step(self.targets)
+        failed = self.simulation.step(self.targets, self.demands.gravity)
 
         landed_after = self.contacts.observe(self.simulation, self.demands.clearance)
         step, wrong = self._step_machine()
@@ -160,8 +160,7 @@ class GaitEnv(VecEnv):
             "observed": self._observed.to_dict(),
             "random": self.generator.get_state(),
             "level": self.levels.level.clone(),
-            "pressure": self.demands.pressure,
-            "progress": self.demands.progress,
+            "demands": self.demands.state_dict(),
             "failures": self.failures,
         }
 
@@ -172,7 +171,7 @@ class GaitEnv(VecEnv):
         self._observed = TensorDict(saved["observed"], batch_size=[self.num_envs])
         self.generator.set_state(saved["random"])
         self.levels.level[:] = saved["level"]
-        self.demands.pressure, self.demands.progress = saved["pressure"], saved["progress"]
+        self.demands.load_state_dict(saved["demands"])
         self.failures = saved["failures"]
 
     def _buffers(self) -> dict[str, Tensor]:

@@ -53,6 +53,7 @@ def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, worl
             envs=1,
             start="first",
             first_clearance=world.clearance,
+            first_gravity=1.0,
             ground=Ground(),
             randomisation=STILL,
         ),

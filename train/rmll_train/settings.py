@@ -165,6 +165,9 @@ class World:
     first_clearance: float = 0.01
     """... and that at the beginning, from where it grows with the adherence until the demands are
     strict. Chance does not lift all feet of a pronk by 3 cm at once"""
+    first_gravity: float = 0.3
+    """Share of the earth's gravity at the beginning, which grows in the same way. What chance moves
+    takes light robots off the ground: with all feet at once, or with the two that bear most"""
     mistakes: Literal["end", "unpaid"] = "unpaid"
     """What a broken limit of ``Terminations`` or a reject edge does while the robot is not down: it
     ends the episode (the paper), or its steps earn nothing and the automaton waits, as it does on
@@ -260,8 +263,8 @@ def paper(settings: Settings) -> Settings:
     )  # fmt: skip
     world = replace(
         settings.world, profile="paper", command_interval=settings.world.episode, start="first",
-        first_clearance=settings.world.clearance, mistakes="end", rewards=rewards,
-        randomisation=randomisation,
+        first_clearance=settings.world.clearance, first_gravity=1.0, mistakes="end",
+        rewards=rewards, randomisation=randomisation,
     )  # fmt: skip
     learner = replace(settings.learner, steps=100_000_000, normalise_returns=False, bf16=False,
                       clip_value=True, symmetry=False, rate_range=(1e-5, 1e-2),

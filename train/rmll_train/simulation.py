@@ -30,7 +30,7 @@ DELAY_STEPS = 4
 """Longest delay of an action, in physics steps"""
 _VARIED = (
     "geom_friction", "body_mass", "body_ipos", "actuator_gainprm", "actuator_biasprm",
-    "actuator_delay", "dof_damping",
+    "actuator_delay", "dof_damping", "opt.gravity",
 )  # fmt: skip
 
 
@@ -105,8 +105,10 @@ class Simulation:
         self._batch.reset(keyframe=0)
         self._read()
 
-    def step(self, targets: Tensor) -> Tensor:
+    def step(self, targets: Tensor, gravity: float = 1.0) -> Tensor:
         """Hold joint targets [rad] (num, 12) for one policy step; returns failed robots (num,).
+
+        ``gravity`` is a share of the earth's.
 
         Targets beyond a joint's limits are brought back to them, as the daemon does (its
         ``Supervisor``): a leg cannot push harder than that where it is almost stretched.
@@ -114,6 +116,7 @@ class Simulation:
         episode has to end.
         """
         self._control[:] = targets.numpy().clip(self.robot.joint_lower, self.robot.joint_upper)
+        self._varied["opt.gravity"][:] = gravity * self._model.opt.gravity
         failed = np.zeros(self.num, bool)
         try:
             self._batch.step(nstep=self.substeps)

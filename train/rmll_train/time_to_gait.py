@@ -45,6 +45,7 @@ WITHOUT: dict[str, dict[str, Any]] = {
     "pressure": {"world": {"rewards": {"pressure": [1.0, 1.0]}}},
     "lenience": {"world": {"rewards": {"strict_above": 0.0}}},
     "clearance": {"world": {"first_clearance": 0.03}},
+    "gravity": {"world": {"first_gravity": 1.0}},
     "mistakes": {"world": {"mistakes": "end"}},
     "start": {"world": {"start": "first"}},
     "scale": {"learner": {"normalise_returns": False}},
