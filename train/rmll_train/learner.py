@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import cycle, islice
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from rsl_rl.algorithms import PPO
@@ -24,29 +24,10 @@ from rmll_train.environment import GaitEnv
 from rmll_train.folding import Fold, images
 from rmll_train.network import ACTIVATION, EstimatingActor, FoldedCritic, estimate_loss
 from rmll_train.return_scale import ReturnScale
+from rmll_train.samples import Samples, remembered
 from rmll_train.settings import Learner
 
 OBSERVATION_GROUPS = {"actor": ["policy"], "critic": ["critic"]}
-
-
-class Samples(NamedTuple):
-    """A rollout as PPO learns from it, one row a step of a robot, each (n, ...).
-
-    Everything is as the networks see it: in the turned states, mirrored.
-    """
-
-    actor_input: Tensor
-    critic_input: Tensor
-    action: Tensor
-    mean: Tensor
-    """of the distribution from which the action was drawn"""
-    log_prob: Tensor
-    value: Tensor
-    returns: Tensor
-    advantage: Tensor
-
-    def batches(self, count: int) -> list["Samples"]:
-        return [Samples(*parts) for parts in zip(*(t.chunk(count) for t in self), strict=True)]
 
 
 class GaitPPO(PPO):
@@ -76,7 +57,9 @@ class GaitPPO(PPO):
             obs, OBSERVATION_GROUPS, "critic", 1, hidden_dims=s.hidden, activation=ACTIVATION,
             fold=Fold(env.robot, states, env.groups["critic"]),
         )  # fmt: skip
-        storage = RolloutStorage("rl", env.num_envs, s.rollout, obs, [env.num_actions])
+        storage = RolloutStorage(
+            "rl", env.num_envs, s.rollout, remembered(actor, obs, s.bf16), [env.num_actions]
+        )
         super().__init__(
             actor, critic, storage, num_learning_epochs=s.epochs, num_mini_batches=s.mini_batches,
             clip_param=s.clip, gamma=s.gamma, lam=s.lam, entropy_coef=s.entropy[0],
@@ -126,27 +109,28 @@ class GaitPPO(PPO):
         """Actions (envs, 12) with exploration; remembers what the update needs."""
         actor, fold, kept = self.policy, self.policy.fold, self.transition
         turned = fold.turned(obs["policy"])
-        judged = self._critic_fold.observation(obs["critic"], turned)
         with self._two_halves():
-            value = self._beside.submit(self._value, judged)
-            seen = fold.observation(obs["policy"], turned)
+            beside = self._beside.submit(self._value, obs, turned)
             with self._precision():
-                mean = actor.mlp(actor.with_estimate(seen)).float()
+                actor_input = actor.with_estimate(fold.observation(obs["policy"], turned))
+                mean = actor.mlp(actor_input).float()
             actor.distribution.update(mean)
             kept.actions = actor.distribution.sample()
             kept.actions_log_prob = actor.distribution.log_prob(kept.actions)
-            true = fold.estimate(obs["estimate"], turned)
-            kept.values = value.result()
+            judged, true, kept.values = beside.result()
         kept.distribution_params = (mean,)
         kept.observations = TensorDict(
-            {"policy": seen, "critic": judged, "estimate": true}, batch_size=obs.batch_size
+            {"policy": actor_input, "critic": judged, "estimate": true}, obs.batch_size
         )
         kept.hidden_states = (None, None)
         return fold.action(kept.actions, turned)
 
-    def _value(self, judged: Tensor) -> Tensor:
+    def _value(self, obs: TensorDict, turned: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """What the critic sees and what the estimator should, folded, and the critic's value."""
         with torch.inference_mode(), self._precision():  # a thread has its own of both
-            return self.critic.mlp(judged).float()
+            judged = self._critic_fold.observation(obs["critic"], turned)
+            true = self.policy.fold.estimate(obs["estimate"], turned)
+            return judged, true, self.critic.mlp(judged).float()
 
     def process_env_step(
         self, obs: TensorDict, rewards: Tensor, dones: Tensor, extras: dict[str, Any]
@@ -154,6 +138,10 @@ class GaitPPO(PPO):
         if self.return_scale is not None:
             rewards = self.return_scale(rewards, dones)
         super().process_env_step(obs, rewards, dones, extras)
+
+    def compute_returns(self, obs: TensorDict) -> None:
+        with self._precision():
+            super().compute_returns(obs)
 
     def update(self) -> dict[str, float]:
         """Epochs of PPO over the rollout, and one pass of the estimator over it.
@@ -187,15 +175,12 @@ class GaitPPO(PPO):
     def _samples(self, order: Tensor) -> Samples:
         stored = self.storage
         observed = stored.observations.flatten(0, 1)
-        with torch.no_grad():
-            actor_input = self.policy.with_estimate(observed["policy"])
-        kind = torch.bfloat16 if self.use_mixed_precision else torch.float32
         assert stored.distribution_params is not None, "an update before the first rollout"
         flat = (stored.actions, *stored.distribution_params, stored.actions_log_prob,
                 stored.values, stored.returns, stored.advantages)  # fmt: skip
         return Samples(
-            actor_input.to(kind).index_select(0, order),
-            observed["critic"].to(kind).index_select(0, order),
+            observed["policy"].index_select(0, order),
+            observed["critic"].index_select(0, order),
             *(part.flatten(0, 1).index_select(0, order) for part in flat),
         )
 
@@ -255,13 +240,14 @@ class GaitPPO(PPO):
     def _estimate(self, order: Tensor) -> Pass:
         """The estimator's steps, one pass over the rollout."""
         observed = self.storage.observations.flatten(0, 1)
-        own, true = (observed[name].index_select(0, order) for name in ("policy", "estimate"))
+        seen, true = (observed[name].index_select(0, order) for name in ("policy", "estimate"))
+        own = seen[:, : self.policy.obs_dim]  # without the old estimate
         descent = Descent(self.estimator_optimizer, math.inf)
-        for seen, wanted in zip(
+        for own_part, wanted in zip(
             own.chunk(self.estimator_batches), true.chunk(self.estimator_batches), strict=True
         ):
             with self._precision():
-                estimate = self.policy.estimator(seen).float()
+                estimate = self.policy.estimator(own_part).float()
             loss = estimate_loss(estimate, wanted)
             descent.step(loss, loss)
         return descent.end()

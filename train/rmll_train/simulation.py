@@ -102,6 +102,7 @@ class Simulation:
         self._foot_geom = [model.geom(foot).id for foot in feet]
         self._knee_body = [model.body(f"{foot}_calf").id for foot in feet]
         self._touch = [int(model.sensor(f"{foot}_touch").adr[0]) for foot in feet]
+        self._down = torch.tensor([0.0, 0.0, -1.0]).expand(num, 3)
         self._batch.reset(keyframe=0)
         self._read()
 
@@ -175,39 +176,36 @@ class Simulation:
         self._batch.forward()
         self._read()
 
-    def _ground(self, points: np.ndarray) -> Tensor:
-        """Height of the ground below world points (num, ..., 3)."""
-        if self._terrain is None:
-            return torch.zeros(points.shape[:-1])
-        return self._terrain.height(_tensor(points[..., 0]), _tensor(points[..., 1]))
+    def _height(self, points: Tensor) -> Tensor:
+        """Of world points (num, ..., 3) above the ground below them."""
+        x, y, z = points.unbind(-1)
+        return z if self._terrain is None else z - self._terrain.height(x, y)
 
     def _foot_height(self) -> Tensor:
-        feet = self._geom_xpos[:, self._foot_geom]
-        return _tensor(feet[..., 2]) - self.robot.foot_radius - self._ground(feet)
+        feet = _columns(self._geom_xpos, self._foot_geom)
+        return self._height(feet) - self.robot.foot_radius
 
     def _read(self) -> None:
         pose, twist = _tensor(self._qpos), _tensor(self._qvel)
         quaternion = pose[:, 3:7]
-        self.base_height = pose[:, 2] - self._ground(self._qpos[:, :3])
+        self.base_height = self._height(pose[:, :3])
         """[m] above the ground below"""
         self.base_velocity = rotate_inverse(quaternion, twist[:, :3])
         """[m/s] in the base frame"""
         self.angular_velocity = twist[:, 3:6]
         """[rad/s] in the base frame"""
-        down = torch.tensor([0.0, 0.0, -1.0]).expand(self.num, 3)
-        self.projected_gravity = rotate_inverse(quaternion, down)
+        self.projected_gravity = rotate_inverse(quaternion, self._down)
         """unit vector in the base frame"""
         self.joint_position = pose[:, 7:]
         self.joint_velocity = twist[:, 6:]
         self.torque = _tensor(self._force)
         """[N·m]"""
         # MuJoCo's derived fields describe the state one physics step (5 ms) earlier.
-        self.foot_force = _tensor(self._sensor[:, self._touch])
+        self.foot_force = _columns(self._sensor, self._touch)
         """[N]"""
-        knees = self._xpos[:, self._knee_body]
         self.foot_height = self._foot_height()
         """[m] of each foot's underside above the ground below it"""
-        self.knee_height = _tensor(knees[..., 2]) - self._ground(knees)
+        self.knee_height = self._height(_columns(self._xpos, self._knee_body))
         """[m]"""
 
 
@@ -216,6 +214,10 @@ def rotate_inverse(quaternion: Tensor, vector: Tensor) -> Tensor:
     w, axis = quaternion[:, :1], quaternion[:, 1:]
     twice = 2.0 * torch.linalg.cross(axis, vector)
     return vector - w * twice + torch.linalg.cross(axis, twice)
+
+
+def _columns(array: np.ndarray, which: list[int]) -> Tensor:
+    return _tensor(array.take(which, axis=1))  # half the time of brackets
 
 
 def _tensor(array: np.ndarray) -> Tensor:
