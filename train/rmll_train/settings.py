@@ -218,7 +218,8 @@ class Learner:
     bf16: bool = True
     """matrix products of the update in bfloat16"""
     symmetry: Literal["auto"] | bool = "auto"
-    """show half of the samples mirrored, left and right swapped; "auto": if the gait allows it"""
+    """Of two states that are mirror images, left and right swapped, the networks see one, and the
+    other in the mirror; "auto": if the gait allows it"""
 
 
 @dataclass(frozen=True)
