@@ -45,7 +45,7 @@ class Rewards:
     hold_vx_error: float = 0.2
     """... and below this error [m/s], both with exploration and pushes. On rough ground 0.13 was
     never reached, and robots that held their gait went on to burn 220 J/m"""
-    strict_above: float = 0.7
+    strict_above: float = 0.85
     """Adherence from which on, for good, the limits of ``Terminations`` hold and ``World.mistakes``
     says what reject edges do. Until then forbidden contacts only earn nothing, and an episode ends
     when the robot is down: ended at the first wrong step, it never learns the second right one.
