@@ -34,7 +34,8 @@ def test_reject_edges_open_once_the_gait_is_there_and_stay_open() -> None:
 
 
 def test_feet_have_to_be_lifted_higher_as_the_gait_comes_and_never_lower_again() -> None:
-    demands = Demands(World(first_clearance=0.01, clearance=0.03))
+    rewards = Rewards(strict_above=0.7)
+    demands = Demands(World(first_clearance=0.01, clearance=0.03, rewards=rewards))
     seen = [demands.clearance]
     for adherence in (0.35, 0.1, 0.9, 0.0):
         _hold(demands, adherence)
