@@ -6,6 +6,7 @@ lowest of them.
 
 from collections import deque
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -88,6 +89,7 @@ def least_steps(dwell: Any, frequency: Any) -> Any:
     return steps + (steps < 1)
 
 
+@lru_cache(maxsize=8)
 def main_cycle(table: MachineTable) -> tuple[Phase, ...]:
     """The shortest cycle through the start state, or else through the nearest state with one."""
     for state in (table.start, *_routes(table, table.start)):

@@ -30,9 +30,12 @@ class Commands:
     """c_f [policy steps], the least time between two transitions"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MachineTable:
-    """Automaton of one gait. Arrays are read-only, (states, 16), indexed [state, label]."""
+    """Automaton of one gait. Arrays are read-only, (states, 16), indexed [state, label].
+
+    A table is equal to itself alone, so that it can be a key.
+    """
 
     gait: str
     states: tuple[str, ...]

@@ -1,6 +1,5 @@
 """When a robot is down, and when it is beyond a limit."""
 
-import torch
 from torch import Tensor
 
 from rmll_train.settings import Terminations
@@ -21,9 +20,8 @@ def down(simulation: Simulation, limit: Terminations) -> Tensor:
 
 def beyond_limits(simulation: Simulation, limit: Terminations, action_change: Tensor) -> Tensor:
     """Robots (n,) whose posture, joints or change of action (n, 12) break a limit."""
-    robot, position = simulation.robot, simulation.joint_position
-    lower = torch.tensor(robot.joint_lower, dtype=torch.float32) - limit.joint_margin
-    upper = torch.tensor(robot.joint_upper, dtype=torch.float32) + limit.joint_margin
+    position, margin = simulation.joint_position, limit.joint_margin
+    lower, upper = simulation.joint_lower - margin, simulation.joint_upper + margin
     return (
         (simulation.base_height < limit.base_height)
         | (simulation.foot_height.amax(1) > limit.foot_height)

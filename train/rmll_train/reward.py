@@ -86,10 +86,8 @@ def _track(error: Tensor, width: float) -> Tensor:
 
 
 def _beyond_limits(simulation: Simulation) -> Tensor:
-    lower = torch.tensor(simulation.robot.joint_lower, dtype=torch.float32)
-    upper = torch.tensor(simulation.robot.joint_upper, dtype=torch.float32)
+    position, lower, upper = (
+        simulation.joint_position, simulation.joint_lower, simulation.joint_upper
+    )  # fmt: skip
     margin = (upper - lower) * (1 - SOFT_LIMIT) / 2
-    position = simulation.joint_position
-    return (
-        (lower + margin - position).clamp(min=0) + (position - upper + margin).clamp(min=0)
-    ).sum(1)
+    return (position - position.clamp(lower + margin, upper - margin)).abs().sum(1)

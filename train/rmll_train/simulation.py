@@ -102,6 +102,9 @@ class Simulation:
         self._foot_geom = [model.geom(foot).id for foot in feet]
         self._knee_body = [model.body(f"{foot}_calf").id for foot in feet]
         self._touch = [int(model.sensor(f"{foot}_touch").adr[0]) for foot in feet]
+        self.joint_lower = torch.tensor(robot.joint_lower, dtype=torch.float32)
+        self.joint_upper = torch.tensor(robot.joint_upper, dtype=torch.float32)
+        """(joints,) [rad]"""
         self._down = torch.tensor([0.0, 0.0, -1.0]).expand(num, 3)
         self._batch.reset(keyframe=0)
         self._read()
@@ -116,7 +119,7 @@ class Simulation:
         A failed robot (MuJoCo error, or a state that is not finite) is put back on its feet; its
         episode has to end.
         """
-        self._control[:] = targets.numpy().clip(self.robot.joint_lower, self.robot.joint_upper)
+        self._control[:] = targets.clamp(self.joint_lower, self.joint_upper).numpy()
         self._varied["opt.gravity"][:] = gravity * self._model.opt.gravity
         failed = np.zeros(self.num, bool)
         try:
