@@ -64,20 +64,10 @@ def test_environment_step(benchmark, env: GaitEnv) -> None:
 def test_learning(benchmark, env: GaitEnv) -> None:
     learner, simulation = GaitPPO(env, SETTINGS.learner), env.simulation
     stopwatch = simulation._batch = Stopwatch(simulation._batch)
-
-    def iteration() -> None:
-        obs = env.get_observations()
-        with torch.inference_mode():
-            for _ in range(ROLLOUT):
-                obs, rewards, dones, extras = env.step(learner.act(obs))
-                learner.process_env_step(obs, rewards, dones, extras)
-            learner.compute_returns(obs)
-        learner.update()
-
-    iteration()
+    learner.learn(env)
     stopwatch.total = 0.0
     rounds = 20
-    benchmark.pedantic(iteration, rounds=rounds)
+    benchmark.pedantic(learner.learn, (env,), rounds=rounds)
     total, steps = sum(benchmark.stats.stats.data), rounds * ROLLOUT * ENVS
     figures = {
         "environment_steps_per_second": round(steps / total),

@@ -19,7 +19,7 @@ from rmll_robots import Robot
 from rmll_train import ending, reward, terrain
 from rmll_train.contacts import Contacts
 from rmll_train.curriculum import Demands, Levels
-from rmll_train.settings import World
+from rmll_train.settings import Noise, World
 from rmll_train.simulation import DELAY_STEPS, PHYSICS_STEP, Simulation, Variation
 from rmll_train.tally import Tally
 
@@ -67,6 +67,7 @@ class GaitEnv(VecEnv):
         self.machine = machine.Machine.of(table, lambda array: torch.from_numpy(array.copy()))
         self._default = torch.tensor(robot.default_pose, dtype=torch.float32)
         self._one_hot = torch.eye(table.num_states)
+        self._noise = _half_widths(self.layout, world.randomisation.noise)
         self._tally = Tally.zeros(self.num_envs)
         self._fixed: Tensor | None = None
         self.failures = 0
@@ -94,11 +95,14 @@ class GaitEnv(VecEnv):
 
     def _observe(self) -> TensorDict:
         """Observation groups of this moment, with newly drawn noise."""
-        true = self._measured()
+        measured, fields = self._measured(), self.groups["critic"]
+        true = torch.empty(self.num_envs, observation.size(fields))
+        observation.write(true, fields, measured)
+        own = true[:, : len(self._noise)]  # the policy's fields are the critic's first
         groups = {
-            "policy": self._assemble("policy", self._with_noise(true)),
-            "critic": self._assemble("critic", true),
-            "estimate": torch.cat([true["velocity"], true["foot_height"]], dim=1),
+            "policy": own + self._uniform(own.shape, -1, 1) * self._noise,
+            "critic": true,
+            "estimate": torch.cat([measured["velocity"], measured["foot_height"]], dim=1),
         }
         return TensorDict(groups, batch_size=[self.num_envs])
 
@@ -312,19 +316,6 @@ class GaitEnv(VecEnv):
             "foot_down": self.contacts.down.float(),
         }
 
-    def _with_noise(self, true: dict[str, Tensor]) -> dict[str, Tensor]:
-        noise = self.world.randomisation.noise
-        widths = {name: getattr(noise, name) for name in noise.__dataclass_fields__}
-        noisy = {name: true[name] + self._uniform(true[name].shape, -1, 1) * width
-                 for name, width in widths.items()}  # fmt: skip
-        return true | noisy
-
-    def _assemble(self, group: str, parts: dict[str, Tensor]) -> Tensor:
-        fields = self.groups[group]
-        return observation.write(
-            torch.empty(self.num_envs, observation.size(fields)), fields, parts
-        )
-
     # -- bookkeeping --------------------------------------------------------------------------
 
     def _count(
@@ -350,3 +341,11 @@ class GaitEnv(VecEnv):
 
     def _uniform(self, shape: tuple[int, ...], low: float, high: float) -> Tensor:
         return torch.rand(shape, generator=self.generator) * (high - low) + low
+
+
+def _half_widths(fields: observation.Layout, noise: Noise) -> Tensor:
+    """Of the noise on each number of an observation with these fields, scaled as it is."""
+    widths = [
+        torch.full((field.size,), field.scale * getattr(noise, field.name, 0.0)) for field in fields
+    ]
+    return torch.cat(widths)

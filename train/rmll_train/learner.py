@@ -105,19 +105,29 @@ class GaitPPO(PPO):
         low, high = self._rate_range
         self._learning_rate = min(high, max(low, wanted))
 
+    def learn(self, env: GaitEnv) -> dict[str, float]:
+        """Collect one rollout and update; returns mean losses. Raises what :meth:`update` does."""
+        obs = env.get_observations()
+        with self._two_halves():
+            with torch.inference_mode():
+                for _ in range(self.storage.num_transitions_per_env):
+                    obs, rewards, dones, extras = env.step(self.act(obs))
+                    self.process_env_step(obs, rewards, dones, extras)
+                self.compute_returns(obs)
+            return self.update()
+
     def act(self, obs: TensorDict) -> Tensor:
         """Actions (envs, 12) with exploration; remembers what the update needs."""
         actor, fold, kept = self.policy, self.policy.fold, self.transition
         turned = fold.turned(obs["policy"])
-        with self._two_halves():
-            beside = self._beside.submit(self._value, obs, turned)
-            with self._precision():
-                actor_input = actor.with_estimate(fold.observation(obs["policy"], turned))
-                mean = actor.mlp(actor_input).float()
-            actor.distribution.update(mean)
-            kept.actions = actor.distribution.sample()
-            kept.actions_log_prob = actor.distribution.log_prob(kept.actions)
-            judged, true, kept.values = beside.result()
+        beside = self._beside.submit(self._value, obs, turned)
+        with self._precision():
+            actor_input = actor.with_estimate(fold.observation(obs["policy"], turned))
+            mean = actor.mlp(actor_input).float()
+        actor.distribution.update(mean)
+        kept.actions = actor.distribution.sample()
+        kept.actions_log_prob = actor.distribution.log_prob(kept.actions)
+        judged, true, kept.values = beside.result()
         kept.distribution_params = (mean,)
         kept.observations = TensorDict(
             {"policy": actor_input, "critic": judged, "estimate": true}, obs.batch_size
@@ -152,13 +162,10 @@ class GaitPPO(PPO):
         samples = self._samples(order)
         batches = self.num_learning_epochs * samples.batches(self.num_mini_batches)
         rates = self._rates  # of the update before: _improve collects new ones meanwhile
-        with self._two_halves():
-            # in `batches` the estimates stay those that the actions were drawn from
-            beside = self._beside.submit(
-                lambda: (self._judge(batches, rates), self._estimate(order))
-            )
-            acting = self._improve(batches)
-            judging, estimating = beside.result()
+        # in `batches` the estimates stay those that the actions were drawn from
+        beside = self._beside.submit(lambda: (self._judge(batches, rates), self._estimate(order)))
+        acting = self._improve(batches)
+        judging, estimating = beside.result()
         self.storage.clear()
 
         self.skipped_steps += acting.skipped + judging.skipped + estimating.skipped
@@ -254,7 +261,11 @@ class GaitPPO(PPO):
 
     @contextmanager
     def _two_halves(self) -> Iterator[None]:
-        """Here this thread has half of the cores, and the one beside it the others."""
+        """Here this thread has half of the cores, and the one beside it the others.
+
+        On two cores nothing is shared then: threads that are woken for an environment's small
+        operations cost more than they help.
+        """
         threads = torch.get_num_threads()
         torch.set_num_threads(self._half)
         try:

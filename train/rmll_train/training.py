@@ -110,14 +110,8 @@ class Run:
         """Collect one rollout and learn from it."""
         began = time.monotonic()
         env, learner, rollout = self._env, self._learner, self._settings.learner.rollout
-        obs = env.get_observations()
-        with torch.inference_mode():
-            for _ in range(rollout):
-                obs, rewards, dones, extras = env.step(learner.act(obs))
-                learner.process_env_step(obs, rewards, dones, extras)
-            learner.compute_returns(obs)
         learner.entropy_coef = self._settings.learner.entropy[env.demands.strict]
-        losses = learner.update()
+        losses = learner.learn(env)
         taken = env.num_envs * rollout
         elapsed = time.monotonic() - began
         self.steps += taken
