@@ -55,8 +55,7 @@ class Demands:
     transitions that nobody made: of robots that begin in the pose which their state waits for"""
 
     def __init__(self, world: World):
-        self._settings, self._clearances = world.rewards, (world.first_clearance, world.clearance)
-        self._first_gravity = world.first_gravity
+        self._world = world
         self.pressure = world.rewards.pressure[0]
         """Factor on all costs of R_walk"""
         self.adherence = 0.0
@@ -72,13 +71,15 @@ class Demands:
     @property
     def clearance(self) -> float:
         """[m] from which on a foot counts as in the air"""
-        first, last = self._clearances
-        return first + (last - first) * self.progress
+        return self._grown(self._world.first_clearance, self._world.clearance)
 
     @property
     def gravity(self) -> float:
         """Share of the earth's"""
-        return self._first_gravity + (1 - self._first_gravity) * self.progress
+        return self._grown(self._world.first_gravity, 1.0)
+
+    def _grown(self, first: float, last: float) -> float:
+        return first + (last - first) * self.progress
 
     def state_dict(self) -> dict[str, float]:
         return {name: getattr(self, name) for name in self._STATE}
@@ -89,7 +90,8 @@ class Demands:
 
     def update(self, adherence: float, vx_error: float, steps: int) -> None:
         """After a rollout of so many policy steps with these means over all robots."""
-        settings, (low, high) = self._settings, self._settings.pressure
+        settings = self._world.rewards
+        low, high = settings.pressure
         holds = adherence > settings.hold_adherence and vx_error < settings.hold_vx_error
         factor = self.RATE ** (steps if holds else -steps)
         self.pressure = min(high, max(low, self.pressure * factor))
