@@ -61,7 +61,11 @@ def test_bad_settings_are_one_clear_line(tmp_path: Path, text: str, expected: st
 
 
 def test_sizes_that_cannot_work_are_refused() -> None:
-    for world, learner in ((World(envs=0), Learner()), (World(envs=1), Learner(rollout=2))):
+    for world, learner in (
+        (World(envs=0), Learner()),
+        (World(envs=1), Learner(rollout=2)),
+        (World(), Learner(epochs=1, critic_epochs=2)),
+    ):
         with pytest.raises(InputError):
             Settings(world=world, learner=learner).check()
     Settings().check()

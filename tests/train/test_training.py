@@ -1,5 +1,6 @@
 """Short real runs: what they leave behind, how they stop, and that they go on where they were."""
 
+import copy
 import os
 import signal
 import subprocess
@@ -240,7 +241,8 @@ def roll_out(ppo: GaitPPO, env: GaitEnv, poison: bool) -> None:
 def test_gradients_that_are_not_finite_are_skipped_counted_and_in_the_end_stop_the_run() -> None:
     ppo = learner()
     ppo.return_scale = None
-    all_of_actor_and_critic = 2 * SMALL.learner.epochs * SMALL.learner.mini_batches
+    epochs = SMALL.learner.epochs + SMALL.learner.critic_epochs
+    all_of_actor_and_critic = epochs * SMALL.learner.mini_batches
     env = GaitEnv(load_gait("trot"), A1, SMALL.world, 0)
     before = {name: value.clone() for name, value in ppo.critic.state_dict().items()}
     roll_out(ppo, env, poison=True)
@@ -283,9 +285,34 @@ def test_the_critic_learns_at_the_rates_that_the_actor_had_an_update_before() ->
     for _ in range(3):
         roll_out(ppo, env, poison=False)
         ppo.update()
-    steps = SMALL.learner.epochs * SMALL.learner.mini_batches
-    assert judging == [SMALL.learner.learning_rate] * steps + acting[:-steps]
+    steps, judged = (
+        epochs * SMALL.learner.mini_batches
+        for epochs in (SMALL.learner.epochs, SMALL.learner.critic_epochs)
+    )
+    first = [SMALL.learner.learning_rate] * judged
+    assert judging == first + acting[:judged] + acting[steps : steps + judged]
     assert len(set(acting)) > 1
+
+
+def test_a_batch_shared_out_between_threads_is_the_same_step() -> None:
+    env = GaitEnv(load_gait("trot"), A1, SMALL.world, 0)
+    ppo = learner()
+    roll_out(ppo, env, poison=False)
+    order = torch.randperm(ppo.storage.rewards.numel())
+    batch = ppo._samples(order)
+    start = copy.deepcopy((ppo.policy.state_dict(), ppo.optimizer.state_dict()))
+    results = []
+    for parts in ([batch], batch.batches(2), batch.batches(2)):
+        ppo.policy.load_state_dict(start[0])
+        ppo.optimizer.load_state_dict(copy.deepcopy(start[1]))
+        ppo.learning_rate = SMALL.learner.learning_rate
+        done = ppo._improve([parts])
+        gradient = torch.cat([p.grad.flatten() for p in ppo.policy.mlp.parameters()])
+        results.append((torch.tensor(done.losses), gradient.clone()))
+    (losses, whole), (shared_losses, shared), (_, again) = results
+    torch.testing.assert_close(shared_losses, losses)
+    torch.testing.assert_close(shared, whole, rtol=0.02, atol=0.02 * float(whole.abs().max()))
+    assert torch.equal(shared, again)  # whichever thread adds its half first
 
 
 def test_returns_scaled_have_unit_spread() -> None:

@@ -14,6 +14,8 @@ class Pass(NamedTuple):
     """Means over the steps"""
     skipped: int
     """Steps that were left out"""
+    steps: int
+    """in all"""
 
 
 class Descent:
@@ -28,8 +30,16 @@ class Descent:
 
     def step(self, loss: Tensor, *told: Tensor) -> None:
         """Down the gradient of ``loss``; ``told``, scalars, are what to report of it."""
-        self._optimizer.zero_grad()
+        self.begin()
         loss.backward()
+        self.down(*told)
+
+    def begin(self) -> None:
+        """Forget the last step's gradient."""
+        self._optimizer.zero_grad()
+
+    def down(self, *told: Tensor) -> None:
+        """A step down the gradient that was collected since :meth:`begin`."""
         if nn.utils.clip_grad_norm_(self._parameters, self._limit).isfinite():
             self._optimizer.step()
         else:
@@ -37,4 +47,4 @@ class Descent:
         self._told.append(torch.stack(told).detach())
 
     def end(self) -> Pass:
-        return Pass(tuple(torch.stack(self._told).mean(0).tolist()), self._skipped)
+        return Pass(tuple(torch.stack(self._told).mean(0).tolist()), self._skipped, len(self._told))

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from copy import copy
 from itertools import cycle, islice
 from typing import Any
 
@@ -37,6 +38,7 @@ class GaitPPO(PPO):
     shuffles it once, which on a CPU is most of the time that is not spent in matrix products.
     The critic works in a thread of its own beside the actor, each with half of the cores: they need
     each other once an update, where threads that share every operation wait for each other at each.
+    What it has ended with its epochs, it takes half of each of the actor's batches.
     """
 
     def __init__(self, env: GaitEnv, settings: Learner):
@@ -89,6 +91,7 @@ class GaitPPO(PPO):
             1, "critic", initializer=torch.set_num_threads, initargs=(self._half,)
         )
         self.estimator_batches = s.estimator_batches
+        self._critic_epochs = s.critic_epochs
         self.return_scale = ReturnScale(env.num_envs, s.gamma) if s.normalise_returns else None
         self._rates = [self.learning_rate] * (s.epochs * s.mini_batches)
         """The learning rate at each of the actor's steps in the last update"""
@@ -160,16 +163,22 @@ class GaitPPO(PPO):
         """
         order = torch.randperm(self.storage.rewards.numel())
         samples = self._samples(order)
-        batches = self.num_learning_epochs * samples.batches(self.num_mini_batches)
+        batches = samples.batches(self.num_mini_batches)
+        judged, shared = self._critic_epochs, self.num_learning_epochs - self._critic_epochs
         rates = self._rates  # of the update before: _improve collects new ones meanwhile
         # in `batches` the estimates stay those that the actions were drawn from
-        beside = self._beside.submit(lambda: (self._judge(batches, rates), self._estimate(order)))
-        acting = self._improve(batches)
+        beside = self._beside.submit(
+            lambda: (self._judge(judged * batches, rates), self._estimate(order))
+        )
+        acting = self._improve(
+            judged * [[batch] for batch in batches]
+            + shared * [batch.batches(2) for batch in batches]
+        )
         judging, estimating = beside.result()
         self.storage.clear()
 
         self.skipped_steps += acting.skipped + judging.skipped + estimating.skipped
-        lost = max(acting.skipped, judging.skipped) == len(batches)
+        lost = acting.skipped == acting.steps or judging.skipped == judging.steps
         self._lost_updates = self._lost_updates + 1 if lost else 0
         if self._lost_updates >= 10:
             raise Failure("training diverged: ten updates in a row had no finite gradients")
@@ -191,26 +200,43 @@ class GaitPPO(PPO):
             *(part.flatten(0, 1).index_select(0, order) for part in flat),
         )
 
-    def _improve(self, batches: list[Samples]) -> Pass:
-        """The actor's steps (Schulman et al. 2017); its losses: surrogate and entropy."""
-        distribution = self.policy.distribution
-        old_deviation = distribution.std[0].detach().clone()
+    def _improve(self, batches: list[list[Samples]]) -> Pass:
+        """The actor's steps (Schulman et al. 2017); its losses: surrogate and entropy.
+
+        A batch is in one part or in two, of which the thread beside takes the second.
+        """
+        old_deviation = self.policy.distribution.std[0].detach().clone()
         descent = Descent(self.optimizer, self.max_grad_norm)
         rates = []
-        for batch in batches:
-            with self._precision():
-                mean = self.policy.mlp(batch.actor_input).float()
-            distribution.update(mean)
-            self._follow_divergence(batch.mean, old_deviation)
+        for parts in batches:
+            descent.begin()
+            rows = sum(len(part.action) for part in parts)
+            calls = [(part, len(part.action) / rows, old_deviation) for part in parts]
+            beside = [self._beside.submit(self._surrogate, *call) for call in calls[1:]]
+            told = self._surrogate(*calls[0]) + sum(part.result() for part in beside)
+            surrogate, entropy, divergence = told
+            self._follow_divergence(float(divergence))
             rates.append(self.learning_rate)
-            ratio = (distribution.log_prob(batch.action) - batch.log_prob[:, 0]).exp()
-            advantage = batch.advantage[:, 0]
-            bounded = ratio.clamp(1 - self.clip_param, 1 + self.clip_param)
-            surrogate = -torch.minimum(advantage * ratio, advantage * bounded).mean()
-            entropy = distribution.entropy.mean()
-            descent.step(surrogate - self.entropy_coef * entropy, surrogate, entropy)
+            descent.down(surrogate, entropy)
         self._rates = rates
         return descent.end()
+
+    def _surrogate(self, batch: Samples, share: float, old_deviation: Tensor) -> Tensor:
+        """Adds to the actor's gradient; ``share`` of surrogate, entropy and divergence (3,)."""
+        distribution = copy(self.policy.distribution)  # which remembers what it was updated with
+        with self._precision():
+            mean = self.policy.mlp(batch.actor_input).float()
+        distribution.update(mean)
+        ratio = (distribution.log_prob(batch.action) - batch.log_prob[:, 0]).exp()
+        advantage = batch.advantage[:, 0]
+        bounded = ratio.clamp(1 - self.clip_param, 1 + self.clip_param)
+        surrogate = -torch.minimum(advantage * ratio, advantage * bounded).mean()
+        entropy = distribution.entropy.mean()
+        (share * (surrogate - self.entropy_coef * entropy)).backward()
+        with torch.no_grad():
+            old, new = (batch.mean, old_deviation), (mean, distribution.std)
+            divergence = distribution.kl_divergence(old, new).mean()
+        return share * torch.stack([surrogate, entropy, divergence]).detach()
 
     def _judge(self, batches: list[Samples], rates: list[float]) -> Pass:
         """The critic's steps, at the rates of the actor's steps of the update before.
@@ -219,7 +245,7 @@ class GaitPPO(PPO):
         mean.
         """
         descent = Descent(self.critic_optimizer, self.max_grad_norm)
-        for batch, rate in zip(batches, rates, strict=True):
+        for batch, rate in zip(batches, rates, strict=False):  # the critic's epochs are the first
             self.critic_optimizer.param_groups[0]["lr"] = rate
             with self._precision():
                 value = self.critic.mlp(batch.critic_input).float()
@@ -231,12 +257,8 @@ class GaitPPO(PPO):
             descent.step(loss, loss)
         return descent.end()
 
-    @torch.no_grad()
-    def _follow_divergence(self, old_mean: Tensor, old_deviation: Tensor) -> None:
+    def _follow_divergence(self, divergence: float) -> None:
         """Lower the learning rate when the policy moves away too fast, raise it when too slowly."""
-        distribution = self.policy.distribution
-        old, new = (old_mean, old_deviation), (distribution.mean, distribution.std)
-        divergence = float(distribution.kl_divergence(old, new).mean())
         if divergence > 2 * self.desired_kl:
             self.learning_rate /= 1.5
         elif 0 < divergence < self.desired_kl / 2:

@@ -53,7 +53,8 @@ WITHOUT: dict[str, dict[str, Any]] = {
     "rates": {"learner": {"rate_range": [1e-5, 1e-2]}},
     "entropy": {"learner": {"entropy": [0.01, 0.01]}},
     "spread": {"learner": {"spread_rate": 1.0}},
-    "epochs": {"learner": {"epochs": 5}},
+    "epochs": {"learner": {"epochs": 5, "critic_epochs": 5}},
+    "critic": {"learner": {"critic_epochs": 2}},
     "rollout": {"learner": {"rollout": 24}},
     "bf16": {"learner": {"bf16": False}},
 }
