@@ -28,6 +28,7 @@ from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import evaluate, golden_trace
 from rmll_train.learner import GaitPPO
 from rmll_train.return_scale import ReturnScale
+from rmll_train.samples import collected
 from rmll_train.settings import Learner, Settings, World, to_yaml
 from rmll_train.training import Run, train
 
@@ -299,7 +300,7 @@ def test_a_batch_shared_out_between_threads_is_the_same_step() -> None:
     ppo = learner()
     roll_out(ppo, env, poison=False)
     order = torch.randperm(ppo.storage.rewards.numel())
-    batch = ppo._samples(order)
+    batch = collected(ppo.storage, order)
     start = copy.deepcopy((ppo.policy.state_dict(), ppo.optimizer.state_dict()))
     results = []
     for parts in ([batch], batch.batches(2), batch.batches(2)):

@@ -25,7 +25,7 @@ from rmll_train.environment import GaitEnv
 from rmll_train.folding import Fold, images
 from rmll_train.network import ACTIVATION, EstimatingActor, FoldedCritic, estimate_loss
 from rmll_train.return_scale import ReturnScale
-from rmll_train.samples import Samples, remembered
+from rmll_train.samples import Samples, collected, remembered
 from rmll_train.settings import Learner
 
 OBSERVATION_GROUPS = {"actor": ["policy"], "critic": ["critic"]}
@@ -162,8 +162,7 @@ class GaitPPO(PPO):
         Raises Failure if ten updates in a row changed nothing for want of finite gradients.
         """
         order = torch.randperm(self.storage.rewards.numel())
-        samples = self._samples(order)
-        batches = samples.batches(self.num_mini_batches)
+        batches = collected(self.storage, order).batches(self.num_mini_batches)
         judged, shared = self._critic_epochs, self.num_learning_epochs - self._critic_epochs
         rates = self._rates  # of the update before: _improve collects new ones meanwhile
         # in `batches` the estimates stay those that the actions were drawn from
@@ -188,18 +187,6 @@ class GaitPPO(PPO):
             "estimator": estimating.losses[0],
         }  # fmt: skip
 
-    def _samples(self, order: Tensor) -> Samples:
-        stored = self.storage
-        observed = stored.observations.flatten(0, 1)
-        assert stored.distribution_params is not None, "an update before the first rollout"
-        flat = (stored.actions, *stored.distribution_params, stored.actions_log_prob,
-                stored.values, stored.returns, stored.advantages)  # fmt: skip
-        return Samples(
-            observed["policy"].index_select(0, order),
-            observed["critic"].index_select(0, order),
-            *(part.flatten(0, 1).index_select(0, order) for part in flat),
-        )
-
     def _improve(self, batches: list[list[Samples]]) -> Pass:
         """The actor's steps (Schulman et al. 2017); its losses: surrogate and entropy.
 
@@ -222,7 +209,7 @@ class GaitPPO(PPO):
         return descent.end()
 
     def _surrogate(self, batch: Samples, share: float, old_deviation: Tensor) -> Tensor:
-        """Adds to the actor's gradient; ``share`` of surrogate, entropy and divergence (3,)."""
+        """Adds to the actor's gradient; ``share`` x surrogate, entropy and divergence (3,)."""
         distribution = copy(self.policy.distribution)  # which remembers what it was updated with
         with self._precision():
             mean = self.policy.mlp(batch.actor_input).float()

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import torch
+from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 from torch import Tensor
 
@@ -43,3 +44,16 @@ def remembered(actor: EstimatingActor, obs: TensorDict, bf16: bool) -> TensorDic
         "estimate": torch.zeros_like(obs["estimate"]),
     }
     return TensorDict(kept, batch_size=obs.batch_size)
+
+
+def collected(storage: RolloutStorage, order: Tensor) -> Samples:
+    """A whole rollout, its rows in this order."""
+    observed = storage.observations.flatten(0, 1)
+    assert storage.distribution_params is not None, "an update before the first rollout"
+    flat = (storage.actions, *storage.distribution_params, storage.actions_log_prob,
+            storage.values, storage.returns, storage.advantages)  # fmt: skip
+    return Samples(
+        observed["policy"].index_select(0, order),
+        observed["critic"].index_select(0, order),
+        *(part.flatten(0, 1).index_select(0, order) for part in flat),
+    )
