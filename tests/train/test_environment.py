@@ -14,7 +14,16 @@ from rmll_robots import A1
 from rmll_train import reward
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import ALIKE
-from rmll_train.settings import Noise, Randomisation, Rewards, Settings, Terminations, World
+from rmll_train.settings import (
+    Ground,
+    Noise,
+    Randomisation,
+    Rewards,
+    Settings,
+    Terminations,
+    World,
+)  # fmt: skip
+from rmll_train.simulation import Simulation
 
 ENVS = 16
 
@@ -255,6 +264,23 @@ def test_robots_differ_within_the_settings() -> None:
         assert low <= values.min() < values.max() <= high, name
     shift = varied["body_ipos"][:, trunk] - model.body_ipos[trunk]
     assert 0 < np.abs(shift).max() <= settings.centre_of_mass
+
+
+@pytest.mark.parametrize("kinds", [(), ("rough",)])
+def test_what_is_told_of_placed_robots_and_of_the_others_is_their_state(kinds: tuple) -> None:
+    env = make(ground=Ground(kinds=kinds))
+    env.step(random_actions(env, 0))
+    simulation, placed = env.simulation, torch.tensor([1, 5])
+    joints = env._default + 0.1 * random_actions(env, 1)[:2]
+    simulation.place(placed, torch.tensor([[0.3, 0.1], [0.0, -0.2]]), joints, torch.ones(2, 6))
+    told = {name: getattr(simulation, name).clone() for name in Simulation.__annotations__}
+    torch.testing.assert_close(told["joint_position"][placed], joints)
+    assert (
+        told["foot_height"][placed].amin(1).abs().max() < 1e-3
+    )  # no foot in the ground, one on it
+    simulation._read()
+    for name, values in told.items():
+        assert torch.equal(values, getattr(simulation, name)), name
 
 
 def test_a_delayed_action_arrives_later() -> None:

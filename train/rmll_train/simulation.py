@@ -83,6 +83,27 @@ def training_model(robot: Robot, terrain: Terrain | None = None) -> mujoco.MjMod
 class Simulation:
     """State of ``num`` robots after the last :meth:`step`, as float32 tensors (num, ...)."""
 
+    base_height: Tensor
+    """[m] above the ground below"""
+    base_velocity: Tensor
+    """[m/s] in the base frame"""
+    angular_velocity: Tensor
+    """[rad/s] in the base frame"""
+    projected_gravity: Tensor
+    """unit vector in the base frame"""
+    joint_position: Tensor
+    """[rad]"""
+    joint_velocity: Tensor
+    """[rad/s]"""
+    torque: Tensor
+    """[N·m]"""
+    foot_force: Tensor
+    """[N]"""
+    foot_height: Tensor
+    """[m] of each foot's underside above the ground below it"""
+    knee_height: Tensor
+    """[m]"""
+
     def __init__(self, robot: Robot, num: int, policy_dt: float, terrain: Terrain | None = None):
         self.robot = robot
         self.num = num
@@ -105,7 +126,7 @@ class Simulation:
         self.joint_lower = torch.tensor(robot.joint_lower, dtype=torch.float32)
         self.joint_upper = torch.tensor(robot.joint_upper, dtype=torch.float32)
         """(joints,) [rad]"""
-        self._down = torch.tensor([0.0, 0.0, -1.0]).expand(num, 3)
+        self._down = torch.tensor([[0.0, 0.0, -1.0]])
         self._batch.reset(keyframe=0)
         self._read()
 
@@ -145,9 +166,10 @@ class Simulation:
         # MuJoCo fills the delay lines with zeros: a target that no robot was given
         self._delayed[rows] = joints.numpy()[:, :, None]
         self._batch.forward(rows, stage=int(mujoco.mjtStage.mjSTAGE_POS))
-        self._qpos[rows, 2] -= self._foot_height()[ids].amin(1).numpy()
+        self._qpos[rows, 2] -= self._foot_height(rows).amin(1).numpy()
         self._batch.forward(rows)
-        self._read()
+        for name, values in self._seen(rows).items():  # of the others nothing is new
+            getattr(self, name)[ids] = values
 
     def push(self, ids: Tensor, velocity: Tensor) -> None:
         """Add (n, 2) [m/s] to the base's horizontal velocity."""
@@ -184,32 +206,30 @@ class Simulation:
         x, y, z = points.unbind(-1)
         return z if self._terrain is None else z - self._terrain.height(x, y)
 
-    def _foot_height(self) -> Tensor:
-        feet = _columns(self._geom_xpos, self._foot_geom)
-        return self._height(feet) - self.robot.foot_radius
-
     def _read(self) -> None:
-        pose, twist = _tensor(self._qpos), _tensor(self._qvel)
+        vars(self).update(self._seen(slice(None)))
+
+    def _seen(self, rows: np.ndarray | slice) -> dict[str, Tensor]:
+        """The public state of these robots. Its last three are MuJoCo's derived fields, and tell of
+        one physics step (5 ms) earlier, as does the torque."""
+        pose, twist = _tensor(self._qpos[rows]), _tensor(self._qvel[rows])
         quaternion = pose[:, 3:7]
-        self.base_height = self._height(pose[:, :3])
-        """[m] above the ground below"""
-        self.base_velocity = rotate_inverse(quaternion, twist[:, :3])
-        """[m/s] in the base frame"""
-        self.angular_velocity = twist[:, 3:6]
-        """[rad/s] in the base frame"""
-        self.projected_gravity = rotate_inverse(quaternion, self._down)
-        """unit vector in the base frame"""
-        self.joint_position = pose[:, 7:]
-        self.joint_velocity = twist[:, 6:]
-        self.torque = _tensor(self._force)
-        """[N·m]"""
-        # MuJoCo's derived fields describe the state one physics step (5 ms) earlier.
-        self.foot_force = _columns(self._sensor, self._touch)
-        """[N]"""
-        self.foot_height = self._foot_height()
-        """[m] of each foot's underside above the ground below it"""
-        self.knee_height = self._height(_columns(self._xpos, self._knee_body))
-        """[m]"""
+        return {
+            "base_height": self._height(pose[:, :3]),
+            "base_velocity": rotate_inverse(quaternion, twist[:, :3]),
+            "angular_velocity": twist[:, 3:6],
+            "projected_gravity": rotate_inverse(quaternion, self._down.expand(len(pose), 3)),
+            "joint_position": pose[:, 7:],
+            "joint_velocity": twist[:, 6:],
+            "torque": _tensor(self._force[rows]),
+            "foot_force": _columns(self._sensor[rows], self._touch),
+            "foot_height": self._foot_height(rows),
+            "knee_height": self._height(_columns(self._xpos[rows], self._knee_body)),
+        }
+
+    def _foot_height(self, rows: np.ndarray | slice) -> Tensor:
+        feet = _columns(self._geom_xpos[rows], self._foot_geom)
+        return self._height(feet) - self.robot.foot_radius
 
 
 def rotate_inverse(quaternion: Tensor, vector: Tensor) -> Tensor:
