@@ -22,7 +22,7 @@ from rmll_train.settings import (
     Settings,
     Terminations,
     World,
-)  # fmt: skip
+)
 from rmll_train.simulation import Simulation
 
 ENVS = 16
