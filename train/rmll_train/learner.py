@@ -38,7 +38,7 @@ class GaitPPO(PPO):
     shuffles it once, which on a CPU is most of the time that is not spent in matrix products.
     The critic works in a thread of its own beside the actor, each with half of the cores: they need
     each other once an update, where threads that share every operation wait for each other at each.
-    What it has ended with its epochs, it takes half of each of the actor's batches.
+    When it is done with its epochs, it takes half of each of the actor's batches.
     """
 
     def __init__(self, env: GaitEnv, settings: Learner):
