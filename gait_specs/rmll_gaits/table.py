@@ -55,7 +55,10 @@ class MachineTable:
     def __post_init__(self) -> None:
         shape = (len(self.states), NUM_LABELS)
         for name, kind in _ARRAYS.items():
-            array = np.ascontiguousarray(getattr(self, name), dtype=kind)
+            given = np.asarray(getattr(self, name))
+            if not np.can_cast(given.dtype, kind, "same_kind"):  # 1.5 is no state, and nan none
+                raise InputError(f"gait table: {name} has {given.dtype}, expected {kind.__name__}")
+            array = np.ascontiguousarray(given, dtype=kind)
             if array.shape != shape:
                 raise InputError(f"gait table: {name} has shape {array.shape}, expected {shape}")
             array.flags.writeable = False

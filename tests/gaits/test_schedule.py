@@ -88,7 +88,7 @@ def test_a_lead_in_is_not_part_of_the_cycle():
 
 def test_a_table_without_any_cycle_has_no_schedule():
     plain = load_gait("trot").to_dict()
-    plain["effect"] = np.zeros((2, 16)).tolist()
+    plain["effect"] = [[0] * 16] * 2
     plain["next_state"] = [[0] * 16, [1] * 16]
     with pytest.raises(InputError, match="no cycle"):
         main_cycle(MachineTable.from_dict(plain))

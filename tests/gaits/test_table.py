@@ -43,7 +43,12 @@ def test_tables_cannot_be_changed():
         ("sink", -1, "start or sink outside 0..1"),
         ("states", [], "expected"),
         ("commands", {}, "cannot be read"),
-        ("hold", None, "hold has shape"),
+        ("hold", None, "hold has object, expected bool"),
+        ("hold", [[2] * 16] * 2, "hold has int64, expected bool"),
+        ("next_state", [[0.5] * 16] * 2, "next_state has float64, expected int64"),
+        ("next_state", [[float("nan")] * 16] * 2, "next_state has float64, expected int64"),
+        ("next_state", [[2**80] * 16] * 2, "next_state has object, expected int64"),
+        ("dwell", [["1"] * 16] * 2, "dwell has <U1, expected float64"),
     ],
 )
 def test_an_edited_table_is_refused(entry, value, message):
