@@ -3,6 +3,7 @@
 This one table trains the policy, travels in the bundle, steers the robot and judges logs.
 """
 
+import operator
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -108,8 +109,8 @@ class MachineTable:
             return cls(
                 gait=str(plain["gait"]),
                 states=tuple(map(str, plain["states"])),
-                start=int(plain["start"]),
-                sink=None if plain["sink"] is None else int(plain["sink"]),
+                start=operator.index(plain["start"]),
+                sink=None if plain["sink"] is None else operator.index(plain["sink"]),
                 commands=commands,
                 **{name: np.array(plain[name]) for name in _ARRAYS},
             )

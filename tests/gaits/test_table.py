@@ -41,6 +41,8 @@ def test_tables_cannot_be_changed():
         ("grace", [[0] * 15] * 2, r"grace has shape \(2, 15\), expected \(2, 16\)"),
         ("start", 2, "start or sink outside 0..1"),
         ("sink", -1, "start or sink outside 0..1"),
+        ("start", 0.5, "cannot be read"),
+        ("sink", 0.5, "cannot be read"),
         ("states", [], "expected"),
         ("commands", {}, "cannot be read"),
         ("hold", None, "hold has object, expected bool"),

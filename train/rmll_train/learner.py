@@ -232,7 +232,8 @@ class GaitPPO(PPO):
         mean.
         """
         descent = Descent(self.critic_optimizer, self.max_grad_norm)
-        for batch, rate in zip(batches, rates, strict=False):  # the critic's epochs are the first
+        # its epochs are the first of the actor's
+        for batch, rate in zip(batches, rates[: len(batches)], strict=True):
             self.critic_optimizer.param_groups[0]["lr"] = rate
             with self._precision():
                 value = self.critic.mlp(batch.critic_input).float()

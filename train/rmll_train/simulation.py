@@ -210,8 +210,8 @@ class Simulation:
         vars(self).update(self._seen(slice(None)))
 
     def _seen(self, rows: np.ndarray | slice) -> dict[str, Tensor]:
-        """The public state of these robots. Its last three are MuJoCo's derived fields, and tell of
-        one physics step (5 ms) earlier, as does the torque."""
+        """The public state of these robots. After a step its last three, MuJoCo's derived fields,
+        tell of one physics step (5 ms) earlier, as does the torque."""
         pose, twist = _tensor(self._qpos[rows]), _tensor(self._qvel[rows])
         quaternion = pose[:, 3:7]
         return {
