@@ -52,6 +52,7 @@ class Trace(msgspec.Struct, frozen=True):
     observation: list[list[float]]
     estimate: list[list[float]]
     action: list[list[float]]
+    """As the network gave it, before it is clipped to the range of actions"""
     target: list[list[float]]
     """Joint targets [rad], before any safety limit"""
 

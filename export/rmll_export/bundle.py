@@ -1,28 +1,34 @@
 """Checkpoint -> bundle: the graph, its contract, and the proof that it answers as the learner."""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import msgspec
 import numpy as np
 import onnx
 import onnxruntime
+from numpy.typing import ArrayLike, NDArray
 
 from rmll_contract import contract as contracts
 from rmll_contract.contract import Contract
 from rmll_contract.onnx_file import graph_sha256
 from rmll_export.checkpoint import Checkpoint
 from rmll_export.graph import build
-from rmll_gaits.errors import Failure
+from rmll_gaits.errors import Failure, InputError
+from rmll_onboard.bundle import load_bundle
+from rmll_onboard.controller import prove
 
 TOLERANCE = 1e-5
-"""Largest difference between onnxruntime and the learner's network"""
+"""Largest difference between onnxruntime and the learner's network, as a share of the largest
+number in the answer or of 1"""
 
 
 def export(checkpoint: Checkpoint, path: Path) -> float:
     """Write the bundle to ``path``; returns the largest difference from the learner's answers.
 
     Nothing is written, and Failure raised, if onnxruntime does not give the learner's answers on
-    its random probes and on the golden trace to within ``TOLERANCE``.
+    its random probes and on the golden trace to within ``TOLERANCE``, or if the daemon would refuse
+    the bundle.
     """
     model = build(checkpoint)
     difference = verify(model.SerializeToString(), checkpoint)
@@ -38,29 +44,37 @@ def export(checkpoint: Checkpoint, path: Path) -> float:
     onnx.helper.set_model_props(
         model, {contracts.KEY: contracts.encode(contract)} | _mjlab_keys(contract)
     )
-    partial = path.with_name(path.name + ".partial")
-    partial.write_bytes(model.SerializeToString())
-    partial.replace(path)
+    # under its own name, so that what the daemon says of it names it
+    with TemporaryDirectory(prefix=".rmll-export-", dir=path.parent) as folder:
+        written = Path(folder) / path.name
+        written.write_bytes(model.SerializeToString())
+        try:
+            prove(load_bundle(written))
+        except InputError as error:
+            raise Failure(f"not written, the daemon would refuse it: {error}") from error
+        written.replace(path)
     return difference
 
 
 def verify(model: bytes, checkpoint: Checkpoint) -> float:
-    """Largest difference between onnxruntime and the learner, on the probes and the trace."""
+    """Largest difference between onnxruntime and the learner, on the probes and the trace; NaN if
+    one of them is."""
     session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
     trace = checkpoint.contract.trace
     observations = np.vstack([checkpoint.probe_observation, trace.observation])
     actions = np.vstack([checkpoint.probe_action, trace.action])
     estimates = np.vstack([checkpoint.probe_estimate, trace.estimate])
-    worst = 0.0
+    differences = []
     for observation, action, estimate in zip(observations, actions, estimates, strict=True):
         feed = {"observation": observation[None].astype(np.float32)}
-        found_action, found_estimate = session.run(["action", "estimate"], feed)
-        worst = max(
-            worst,
-            float(np.abs(np.asarray(found_action) - action).max()),
-            float(np.abs(np.asarray(found_estimate) - estimate).max()),
-        )
-    return worst
+        found = session.run(["action", "estimate"], feed)
+        differences += [_difference(found[0], action), _difference(found[1], estimate)]
+    return float(np.max(differences))
+
+
+def _difference(found: ArrayLike, expected: NDArray) -> float:
+    """The largest one, as a share of the largest expected number or of 1."""
+    return float(np.abs(np.asarray(found) - expected).max() / max(1.0, np.abs(expected).max()))
 
 
 def _mjlab_keys(contract: Contract) -> dict[str, str]:
