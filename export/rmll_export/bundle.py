@@ -2,12 +2,13 @@
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import msgspec
 import numpy as np
 import onnx
 import onnxruntime
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from rmll_contract import contract as contracts
 from rmll_contract.contract import Contract
@@ -72,7 +73,7 @@ def verify(model: bytes, checkpoint: Checkpoint) -> float:
     return float(np.max(differences))
 
 
-def _difference(found: ArrayLike, expected: NDArray) -> float:
+def _difference(found: Any, expected: NDArray) -> float:
     """The largest one, as a share of the largest expected number or of 1."""
     return float(np.abs(np.asarray(found) - expected).max() / max(1.0, np.abs(expected).max()))
 

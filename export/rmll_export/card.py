@@ -9,6 +9,8 @@ _WORLDS = {
     "emulator": "Through the daemon in the emulator",
     "trainer": "In the trainer's world",
 }
+_MEASURED_BEFORE = "over the gait's whole range of commands, with noise and pushes"
+"""Where a policy's metrics come from that does not say so itself"""
 MEASURED = (
     "adherence", "off_spec_contact", "vx_error", "wz_error", "energy_per_metre",
     "cost_of_transport",
@@ -19,6 +21,7 @@ MEASURED = (
 def card(contract: Contract, bundle: str, evaluations: Sequence[Mapping[str, Any]]) -> str:
     """Markdown; ``evaluations`` are what ``rmll-eval gait --json`` printed of this bundle."""
     origin = contract.provenance
+    where = origin.get("measured", _MEASURED_BEFORE)
     rows = {
         "robot": contract.robot,
         "observation": f"{contract.profile} profile, "
@@ -37,8 +40,7 @@ def card(contract: Contract, bundle: str, evaluations: Sequence[Mapping[str, Any
         f"# {contract.gait}\n\nBundle: `{bundle}`. All settings of the run are inside it: "
         f"`rmll-onboard --check --policy {bundle} --json`.\n",
         _table("training", rows),
-        "In the trainer's world, without exploration, over the gait's whole range of commands, "
-        "with noise and pushes:\n",
+        f"In the trainer's world, without exploration, {where}:\n",
         _table("metric", origin.get("metrics", {})),
     ]
     for evaluation in evaluations:

@@ -23,14 +23,19 @@ def load_gait(gait: str | Path) -> MachineTable:
 
 def load_spec(gait: str | Path) -> GaitSpec:
     """The rules of a gait, not compiled; arguments and errors as :func:`load_gait`."""
+    return read_spec(*load_text(gait))
+
+
+def load_text(gait: str | Path) -> tuple[str, str]:
+    """The text of a gait's file, not checked, and what errors call the file."""
     name = str(gait)
     if name in library_names():
-        return read_spec((_library() / f"{name}{_SUFFIX}").read_text("utf-8"), f"{name}{_SUFFIX}")
+        return (_library() / f"{name}{_SUFFIX}").read_text("utf-8"), f"{name}{_SUFFIX}"
     path = Path(gait)
     if path.suffix not in (_SUFFIX, ".yml"):
         known = ", ".join(library_names())
         raise InputError(f"no gait {name!r}, expected one of {known}, or a {_SUFFIX} file")
-    return read_spec(_read(path), name)
+    return _read(path), name
 
 
 def library_names() -> tuple[str, ...]:

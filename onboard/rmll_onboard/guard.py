@@ -25,7 +25,7 @@ _BROKEN_TICKS = 100
 """Over so many ticks the share of broken ones is averaged"""
 _ON_TIME = 0.25
 """A tick in time makes up for so much of one that was left out"""
-_WILD = 2.0
+WILD = 2.0
 """So many times its range an action is no answer"""
 _WARNINGS = 100
 
@@ -238,7 +238,7 @@ class ActionGuard:
         largest = float(np.abs(action).max())
         if not np.isfinite(largest):
             return "the policy's action is no finite number"
-        self._count = self._count + 1 if largest > _WILD * self._clip else 0
+        self._count = self._count + 1 if largest > WILD * self._clip else 0
         if self._count <= self._patience:
             return None
         return f"the policy's action is {largest:.3g}, its range {self._clip:g}"

@@ -6,6 +6,7 @@ the benchmark. ``test_bare_batch_step`` is the same call on robots that stand.
 """
 
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -17,10 +18,12 @@ from rmll_gaits.load import load_gait
 from rmll_robots import A1
 from rmll_train.environment import GaitEnv
 from rmll_train.learner import GaitPPO
+from rmll_train.precision import choose
 from rmll_train.settings import Settings
 from rmll_train.simulation import training_model
 
 SETTINGS = Settings()
+LEARNER = replace(SETTINGS.learner, bf16=choose(SETTINGS).bf16)
 ENVS, ROLLOUT = SETTINGS.world.envs, SETTINGS.learner.rollout
 
 
@@ -62,7 +65,7 @@ def test_environment_step(benchmark, env: GaitEnv) -> None:
 
 
 def test_learning(benchmark, env: GaitEnv) -> None:
-    learner, simulation = GaitPPO(env, SETTINGS.learner), env.simulation
+    learner, simulation = GaitPPO(env, LEARNER), env.simulation
     stopwatch = simulation._batch = Stopwatch(simulation._batch)
     learner.learn(env)
     stopwatch.total = 0.0

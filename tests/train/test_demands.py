@@ -7,7 +7,7 @@ from rmll_gaits.load import load_gait
 from rmll_robots import A1
 from rmll_train.curriculum import Demands
 from rmll_train.environment import GaitEnv
-from rmll_train.evaluation import STILL
+from rmll_train.golden_trace import STILL
 from rmll_train.settings import Rewards, World
 
 WEIGHT = 122.2

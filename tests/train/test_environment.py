@@ -13,7 +13,7 @@ from rmll_gaits.machine import Machine
 from rmll_robots import A1
 from rmll_train import reward
 from rmll_train.environment import GaitEnv
-from rmll_train.evaluation import ALIKE
+from rmll_train.golden_trace import ALIKE
 from rmll_train.settings import (
     Ground,
     Noise,

@@ -13,8 +13,8 @@ from rmll_gaits.symmetry import mirror_states
 from rmll_gaits.table import MachineTable
 from rmll_robots import A1
 from rmll_train.environment import GaitEnv
-from rmll_train.evaluation import STILL
 from rmll_train.folding import Reflected, images
+from rmll_train.golden_trace import STILL
 from rmll_train.learner import GaitPPO
 from rmll_train.settings import Learner, Terminations, World
 from rmll_train.simulation import Variation, training_model

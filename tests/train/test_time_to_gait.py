@@ -6,15 +6,20 @@ import pytest
 
 from rmll_gaits.errors import InputError
 from rmll_train import time_to_gait
+from rmll_train.evaluation import Judgement
 from rmll_train.settings import Settings, overlaid
-from rmll_train.time_to_gait import WITHOUT, Emergence, held, measure
+from rmll_train.time_to_gait import LEVELS, WITHOUT, Emergence, Seen, held, measure
 
 
-def test_a_level_is_held_from_the_first_of_two_evaluations_in_a_row() -> None:
-    seen = [(1, 0.1, 0.92), (2, 0.2, 0.5), (3, 0.3, 0.93), (4, 0.4, 0.96)]
-    assert held(seen, 0.9) == (3, 0.3)
-    assert held(seen, 0.95) is None
-    assert held([], 0.9) is None
+def test_a_level_is_held_from_the_first_of_two_judgements_in_a_row() -> None:
+    seen = [
+        Seen(number, number / 10, Judgement({"adherence": adherence}, [], []))
+        for number, adherence in enumerate((0.96, 0.5, 0.97, 0.96), 1)
+    ]
+    level = LEVELS["adherence 0.95"]
+    assert held(seen, level) is seen[2]
+    assert held(seen[:3], level) is None
+    assert held([], level) is None
 
 
 @pytest.mark.parametrize("name", [name for name in WITHOUT if name])
@@ -31,7 +36,9 @@ def test_an_interrupted_table_goes_on_where_it_was(
         asked.append((gait, seed))
         if len(asked) == 2:
             raise KeyboardInterrupt
-        return Emergence(gait, seed, without, "abc", [1, None], [0.1, None], 0.93, 1000)
+        return Emergence(
+            gait, seed, without, "abc", True, [1, None], [0.1, None], 0.93, 0.2, 0.3, 1000
+        )
 
     monkeypatch.setattr(time_to_gait, "time_to_gait", trained)
     out = tmp_path / "table.jsonl"

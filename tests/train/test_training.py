@@ -23,14 +23,16 @@ from rmll_onboard.bundle import load_bundle
 from rmll_onboard.controller import prove
 from rmll_robots import A1
 from rmll_train.checkpoint import load_checkpoint, save_checkpoint
-from rmll_train.cli import _continued
+from rmll_train.cli import _chosen, _continued, count
 from rmll_train.environment import GaitEnv
-from rmll_train.evaluation import evaluate, golden_trace
+from rmll_train.evaluation import evaluate
+from rmll_train.golden_trace import golden_trace
 from rmll_train.learner import GaitPPO
+from rmll_train.precision import Precision
 from rmll_train.return_scale import ReturnScale
 from rmll_train.samples import collected
 from rmll_train.settings import Learner, Settings, World, to_yaml
-from rmll_train.training import Run, train
+from rmll_train.training import Judging, Progress, Run, train
 
 ENVS, ROLLOUT = 16, 8
 SMALL = Settings(
@@ -52,12 +54,17 @@ def steps(settings: Settings, updates: int) -> Settings:
 def test_a_run_leaves_settings_checkpoint_policy_curves_and_result(tmp_path: Path) -> None:
     run, seen = tmp_path / "run", []
     assert train(run, SMALL, seen.append, resume=False)
-    assert [progress.steps for progress in seen] == [n * ENVS * ROLLOUT for n in (1, 2, 3, 4)]
+    updates = [told for told in seen if isinstance(told, Progress)]
+    assert [progress.steps for progress in updates] == [n * ENVS * ROLLOUT for n in (1, 2, 3, 4)]
+    assert seen[0] == Precision(bf16=False, gain=None)
+    assert isinstance(seen[-1], Judging) and seen[-1].done == seen[-1].total
     names = {path.name.split(".")[0] for path in run.iterdir()}
-    assert names == {"settings", "checkpoint", "policy", "events", "result"}
+    assert names == {"gait", "settings", "checkpoint", "policy", "events", "result"}
+    assert len({path.stat().st_mode for path in run.iterdir()}) == 1
     result = yaml.safe_load((run / "result.yaml").read_text())
     assert result["steps"] == 4 * ENVS * ROLLOUT and result["seed"] == 0
     assert 0 <= result["metrics"]["off_spec_contact"] <= 1
+    assert not result["useful"] and result["shortfalls"]  # after four updates
 
 
 def test_a_policy_that_never_learned_the_gait_is_measured_by_all_of_its_rules() -> None:
@@ -129,7 +136,7 @@ def test_resuming_takes_changed_settings_from_a_file(tmp_path: Path) -> None:
 
 
 def test_a_restored_run_is_exactly_the_one_that_was_saved(tmp_path: Path) -> None:
-    run, restored = Run(SMALL), Run(SMALL)
+    run, restored = (Run(SMALL, load_gait(SMALL.gait)) for _ in range(2))
     for _ in range(3):
         run.update()
     for name, of in (("first", run), ("second", restored)):
@@ -153,13 +160,13 @@ def test_a_run_that_was_killed_goes_on_without_a_jump_in_its_curves(tmp_path: Pa
         "import sys, pathlib; from rmll_train import settings, training\n"
         "training.CHECKPOINT_SECONDS = 0.0\n"
         "chosen = settings.load(pathlib.Path(sys.argv[1]), settings.Settings())\n"
-        "def report(progress): print(progress.steps, flush=True)\n"
+        "def report(told): print(told, flush=True)\n"
         "training.train(pathlib.Path(sys.argv[2]), chosen, report, resume=False)"
     )
     call = [sys.executable, "-c", code, str(whole / "settings.yaml"), str(killed)]
     process = subprocess.Popen(call, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    for _ in range(7):
+    for _ in range(8):  # how matrices are multiplied, and seven updates
         process.stdout.readline()
     process.kill()
     process.communicate(timeout=60)
@@ -190,6 +197,70 @@ def test_a_checkpoint_of_another_version_is_refused_in_one_line(tmp_path: Path) 
     save_checkpoint(run, saved)
     with pytest.raises(InputError, match=r"another version of rmll-train.*threshold"):
         train(run, steps(SMALL, 2), quiet, resume=True)
+
+
+def test_a_run_whose_gait_has_changed_is_not_gone_on_with(tmp_path: Path) -> None:
+    gait, run = tmp_path / "hop.yaml", tmp_path / "run"
+    gait.write_text(HOP)
+    begun = replace(steps(SMALL, 1), gait=str(gait))
+    train(run, begun, quiet, resume=False)
+    gait.write_text("# a remark\n" + HOP)
+    train(run, steps(begun, 2), quiet, resume=True)
+
+    gait.write_text(HOP.replace("[6, 12]", "[6, 10]"))
+    with pytest.raises(
+        InputError, match=r"hop.yaml has changed .*frequency: \[6, 12\], now \[6, 10\]"
+    ):
+        train(run, steps(begun, 3), quiet, resume=True)
+    assert load_checkpoint(run)["steps"] == 2 * ENVS * ROLLOUT
+
+    gait.unlink()  # the run has its own copy
+    train(run, steps(begun, 3), quiet, resume=True)
+    assert load_checkpoint(run)["steps"] == 3 * ENVS * ROLLOUT
+
+
+HOP = """
+gait: hop
+commands: {vx: [-1, 1], wz: [-1, 1], frequency: [6, 12]}
+cycle: [FL BR, FR BL]
+"""
+
+
+def test_a_policy_tells_its_gait_and_not_where_the_file_lay(tmp_path: Path) -> None:
+    gait, run = tmp_path / "mine.yaml", tmp_path / "run"
+    gait.write_text(HOP)
+    train(run, replace(steps(SMALL, 1), gait=str(gait)), quiet, resume=False)
+    assert provenance(run)["settings"]["gait"] == "hop"
+    for name in ("policy.safetensors", "result.yaml"):
+        assert str(tmp_path).encode() not in (run / name).read_bytes()
+
+
+def test_a_run_can_be_resumed_from_any_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "hop.yaml").write_text(HOP)
+    monkeypatch.chdir(tmp_path / "here")
+    begun = _chosen("hop.yaml", "default", None, ENVS, None)
+    train(Path("run"), replace(begun, learner=SMALL.learner), quiet, resume=False)
+    monkeypatch.chdir(tmp_path)
+    assert _continued(Path("here/run"), None).gait == str(tmp_path / "here" / "hop.yaml")
+    train(Path("here/run"), _continued(Path("here/run"), None), quiet, resume=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [("3000000", 3_000_000), ("3e6", 3_000_000), ("3M", 3_000_000), ("1.5M", 1_500_000),
+     ("200k", 200_000), ("3_000_000", 3_000_000), ("1E3", 1000)],
+)  # fmt: skip
+def test_a_number_of_steps_may_be_written_as_people_do(text: str, number: int) -> None:
+    assert count(text) == number
+
+
+@pytest.mark.parametrize("text", ["", "M", "-3", "1.5", "1e-3", "nan", "inf", "3 M", "0x10", "3MM"])
+def test_what_is_no_whole_number_is_none(text: str) -> None:
+    with pytest.raises(ValueError, match="is no whole number"):
+        count(text)
 
 
 def test_one_seed_gives_one_policy(tmp_path: Path) -> None:

@@ -1,23 +1,30 @@
 """The ``rmll-train`` command."""
 
-import sys
-import time
+import re
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
+import tyro
 import yaml
-from rich.console import Console
-from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
 
 from rmll_contract import command
 from rmll_gaits.errors import InputError
-from rmll_gaits.load import load_gait
+from rmll_gaits.load import library_names, load_gait
 from rmll_train import settings as settings_file
+from rmll_train.live_report import LiveReport
 from rmll_train.settings import Settings
-from rmll_train.training import RESULT, SETTINGS, Progress, train
+from rmll_train.training import RESULT, SETTINGS, train
+
+Count = Annotated[
+    int,
+    tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1, metavar="INT", instance_from_str=lambda texts: count(texts[0]),
+        is_instance=lambda value: isinstance(value, int), str_from_instance=lambda n: [str(n)],
+    ),
+]  # fmt: skip
+"""A whole number, which may be written as 3000000, 3e6 or 3M"""
 
 
 def main() -> None:
@@ -25,38 +32,44 @@ def main() -> None:
 
 
 def _train(
+    name: Annotated[str, tyro.conf.Positional] = "",
+    *,
     gait: str = "",
     preset: Literal["default", "paper"] = "default",
     settings: Path | None = None,
-    steps: int | None = None,
-    envs: int | None = None,
+    steps: Count | None = None,
+    envs: Count | None = None,
     seed: int | None = None,
     runs: Path = Path("runs"),
     resume: Path | None = None,
 ) -> int:
     """Train a gait's policy.
 
-    Example: rmll-train --gait trot --steps 12000000
+    Example: rmll-train trot --steps 3M
     Ctrl-C stops after the current update; go on with: rmll-train --resume runs/trot/NAME
 
     Args:
-        gait: a gait of the library, or a gait file.
+        name: a gait of the library, or a gait file.
+        gait: the same.
         preset: "paper" turns off everything that the paper does not have.
         settings: YAML file with the settings that differ from the preset.
-        steps: environment steps in all.
+        steps: environment steps in all, such as 3000000, 3e6 or 3M.
         envs: simulated robots.
         seed: of the networks, the robots and the commands.
         runs: the run's folder is made in here, as GAIT/TIME-seedN.
         resume: folder of a run to go on with. With --settings, what that file names changes from
             here on; the policy's provenance then tells of both stages.
     """
+    if name and gait:
+        raise InputError(f"{name!r} and --gait {gait!r}: name one gait")
+    gait = gait or name
     if resume is not None:
         if gait or envs or seed is not None or preset != "default":
             raise InputError("--resume takes the run's own settings, under --settings and --steps")
         chosen, folder = _continued(resume, settings), resume
     else:
         if not gait and settings is None:
-            raise InputError("name a gait: --gait trot")
+            raise InputError(f"name a gait, such as {', '.join(library_names())}, or a gait file")
         chosen = _chosen(gait, preset, settings, envs, seed)
         name = f"{datetime.now():%Y%m%d-%H%M%S}-seed{chosen.seed}"
         folder = runs / load_gait(chosen.gait).gait / name
@@ -64,16 +77,45 @@ def _train(
         chosen = replace(chosen, learner=replace(chosen.learner, steps=steps))
     chosen.check()
 
-    with _reporter() as report:
+    commands = load_gait(chosen.gait).commands
+    with LiveReport(commands) as report:
         finished = train(folder, chosen, report, resume=resume is not None)
     if not finished:
         print(f"stopped; go on with: rmll-train --resume {folder}")
         return 130
-    metrics = yaml.safe_load((folder / RESULT).read_text())["metrics"]
-    shown = ("adherence", "vx_error", "wz_error")
-    figures = ", ".join(f"{name} {metrics[name]:.3f}" for name in shown)
-    print(f"finished: {folder} ({figures}); export with: rmll-export --gait {folder.parent.name}")
+    print("\n".join(_summary(folder, yaml.safe_load((folder / RESULT).read_text()))))
     return 0
+
+
+def _summary(folder: Path, result: dict[str, Any]) -> list[str]:
+    """A finished run in words: is it useful, and what would the robot's daemon say of it?"""
+    metrics = result["metrics"]
+    lines = [
+        f"finished: {folder}",
+        f"{result['measured']}:",
+        f"  adherence {metrics['adherence']:.3f}, vx error {metrics['vx_error']:.3f} m/s, "
+        f"wz error {metrics['wz_error']:.3f} rad/s, {metrics['falls']:.0f} falls",
+        f"  feet touch otherwise than the rules say {metrics['off_spec_contact']:.0%} of the time",
+        *(f"  {limit}" for limit in result["limits"]),
+    ]
+    if result["useful"]:
+        lines.append(f"useful; export with: rmll-export --gait {folder.parent.name}")
+    else:
+        lines += ["not useful yet:", *(f"  {text}" for text in result["shortfalls"])]
+        lines.append(f"go on with: rmll-train --resume {folder} --steps {2 * result['steps']}")
+    return lines
+
+
+def count(text: str) -> int:
+    """The number in ``3000000``, ``3_000_000``, ``3e6``, ``1.5M`` or ``200k``.
+
+    Raises ValueError if the text is no whole number.
+    """
+    found = re.fullmatch(r"(\d[\d_]*(?:\.\d+)?(?:[eE]\+?\d{1,2})?)([kM]?)", text)
+    value = float(found[1]) * {"": 1, "k": 1e3, "M": 1e6}[found[2]] if found else 0.5
+    if not value.is_integer():
+        raise ValueError(f"{text!r} is no whole number, expected such as 3000000, 3e6 or 3M")
+    return int(value)
 
 
 def _chosen(
@@ -85,7 +127,10 @@ def _chosen(
         chosen = settings_file.load(overlay, chosen)
     world = chosen.world if envs is None else replace(chosen.world, envs=envs)
     seed = chosen.seed if seed is None else seed
-    return replace(chosen, gait=gait or chosen.gait, seed=seed, world=world)
+    gait = gait or chosen.gait
+    if gait not in library_names():
+        gait = str(Path(gait).absolute())  # so that the run can be resumed from any folder
+    return replace(chosen, gait=gait, seed=seed, world=world)
 
 
 def _continued(run: Path, overlay: Path | None) -> Settings:
@@ -101,39 +146,6 @@ def _existing(path: Path) -> Path:
     if not path.is_file():
         raise InputError(f"{path}: no such file; --resume takes the folder of a run")
     return path
-
-
-class _reporter:
-    """One live progress line; without a terminal, a plain line every half minute."""
-
-    def __enter__(self):
-        console = Console(stderr=True)
-        self._live = console.is_terminal
-        self._last = time.monotonic()
-        self._bar = Bar(
-            BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"),
-            TimeRemainingColumn(), console=console, disable=not self._live,
-        )  # fmt: skip
-        self._task = self._bar.add_task("starting")
-        self._bar.start()
-        return self._report
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
-
-    def _report(self, progress: Progress) -> None:
-        metrics = progress.metrics
-        line = (
-            f"{progress.steps / 1e6:.2f} M steps  {progress.rate:,.0f}/s  "
-            f"adherence {metrics['adherence']:.2f}  vx error {metrics['vx_error']:.2f}  "
-            f"wz error {metrics['wz_error']:.2f}  {metrics['energy_per_metre']:.0f} J/m"
-        )
-        self._bar.update(self._task, description=line, total=progress.total,
-                         completed=progress.steps)  # fmt: skip
-        if not self._live and time.monotonic() - self._last > 30:
-            self._last = time.monotonic()
-            left = (progress.total - progress.steps) / max(progress.rate, 1)
-            print(f"{line}  {left / 60:.0f} min left", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

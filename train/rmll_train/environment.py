@@ -4,6 +4,7 @@ One policy step: action -> joint targets held for 20 ms -> contact labels -> aut
 with the bonus where the automaton advanced -> ends of episodes -> observation.
 """
 
+import math
 from typing import Any
 
 import torch
@@ -133,7 +134,7 @@ class GaitEnv(VecEnv):
 
         timeout = (self.episode_length_buf >= self.max_episode_length) & ~ended
         done = ended | timeout
-        self._count(step, explained, walk, done, ended)
+        self._count(step, explained, walk, done, ended, down)
         self._disturb()
         if done.any():
             over = done.nonzero()[:, 0]
@@ -149,6 +150,11 @@ class GaitEnv(VecEnv):
         """Sums since the last call."""
         tally, self._tally = self._tally, Tally.zeros(self.num_envs)
         return tally
+
+    def begin_anew(self) -> None:
+        """All robots begin a new episode."""
+        self._begin(torch.arange(self.num_envs))
+        self._observed = self._observe()
 
     def fix_commands(self, commands: Tensor) -> None:
         """From now on each robot keeps its row of ``commands``, (n, 3), or all keep (3,)."""
@@ -287,13 +293,18 @@ class GaitEnv(VecEnv):
             self.command[ids] = self._fixed[ids]
         else:
             ranges, count = self.table.commands, (len(ids),)
-            low, high = ranges.frequency
             self.command[ids, 0] = self._uniform(count, *ranges.vx)
             self.command[ids, 1] = self._uniform(count, *ranges.wz)
-            self.command[ids, 2] = torch.randint(
-                round(low), round(high) + 1, count, generator=self.generator
-            ).float()
+            self.command[ids, 2] = self._frequencies(count)
         self._rate[ids] = transition_rate(self.table, self.command[ids, 2])
+
+    def _frequencies(self, shape: tuple[int, ...]) -> Tensor:
+        """c_f [policy steps], whole ones where the gait's range has some."""
+        low, high = self.table.commands.frequency
+        first, last = math.ceil(low), math.floor(high)
+        if first > last:
+            return self._uniform(shape, low, high)
+        return torch.randint(first, last + 1, shape, generator=self.generator).float()
 
     # -- observations -------------------------------------------------------------------------
 
@@ -319,8 +330,9 @@ class GaitEnv(VecEnv):
     # -- bookkeeping --------------------------------------------------------------------------
 
     def _count(
-        self, step: machine.Step, explained: Tensor, walk: Tensor, done: Tensor, ended: Tensor
-    ) -> None:
+        self, step: machine.Step, explained: Tensor, walk: Tensor, done: Tensor, ended: Tensor,
+        down: Tensor,
+    ) -> None:  # fmt: skip
         simulation, tally = self.simulation, self._tally
         self._made = self._made + step.advanced
         self._allowed = self._allowed + self._rate
@@ -337,6 +349,7 @@ class GaitEnv(VecEnv):
         tally.level += self.levels.level
         tally.episodes += done
         tally.ends += ended
+        tally.falls += down
         tally.length += self.episode_length_buf * done
 
     def _uniform(self, shape: tuple[int, ...], low: float, high: float) -> Tensor:

@@ -1,102 +1,99 @@
-"""The policy without exploration in the trainer's world: its metrics, and the golden trace."""
+"""The policy without exploration in the trainer's world, and how it is judged."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 from tensordict import TensorDict
 from torch import Tensor
 
-from rmll_contract.contract import Trace, float_lists
 from rmll_gaits.table import MachineTable
 from rmll_robots import Robot
 from rmll_train.environment import GaitEnv
-from rmll_train.network import EstimatingActor
-from rmll_train.settings import Ground, Noise, Randomisation, World
+from rmll_train.safety_limits import SafetyLimits
+from rmll_train.settings import Ground, World
 from rmll_train.tally import Tally
+from rmll_train.usefulness import shortfalls
 
-TRACE_STEPS = 64
-TRACE_SEED = 7
+ROBOTS = 128
+SECONDS = 10.0
+"""of each judged walk"""
+WHERE = "on flat ground, over the gait's whole range of commands, with noise, without pushes"
+"""What :class:`Judge` measures"""
 
-ALIKE = Randomisation(
-    friction=(0.8, 0.8), added_mass=(0.0, 0.0), centre_of_mass=0.0, strength=(1.0, 1.0),
-    joint_damping=(0.0, 0.0), delay=(0.0, 0.0), foot_threshold=(1.0, 1.0), push_interval=1e6,
-    initial_joint=0.0, initial_velocity=0.0,
-)  # fmt: skip
-"""Robots that do not differ, start at rest and are not pushed; their sensors are noisy"""
-STILL = replace(ALIKE, noise=Noise(0.0, 0.0, 0.0, 0.0))
-"""... and these have no noise"""
+AfterStep = Callable[[int, Tensor], None]
+"""Told the number of a policy step and the actions (n, size) that were taken in it"""
 
 
 @torch.no_grad()
-def evaluate(actor: Callable[[TensorDict], Tensor], env: GaitEnv, steps: int) -> Tally:
+def evaluate(
+    actor: Callable[[TensorDict], Tensor],
+    env: GaitEnv,
+    steps: int,
+    after_step: AfterStep = lambda step, actions: None,
+) -> Tally:
     """Walk all robots of ``env`` for ``steps`` policy steps, after a second that does not count.
 
     By all rules of the gait, also if the demands of its training never became strict; they stay so.
     """
     env.demands.progress = 1.0
-    for step in range(steps + env.robot.policy_hz):
-        if step == env.robot.policy_hz:
+    settling = env.robot.policy_hz
+    for step in range(steps + settling):
+        if step == settling:
             env.take_tally()
-        env.step(actor(env.get_observations()))
+        actions = actor(env.get_observations())
+        env.step(actions)
+        after_step(step + 1, actions)
     return env.take_tally()
 
 
-@torch.no_grad()
-def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, world: World) -> Trace:
-    """The first steps of an episode: what the robot would sense, and what the trainer answers."""
-    env = GaitEnv(
-        table,
-        robot,
-        replace(
-            world,
-            envs=1,
-            start="first",
-            first_clearance=world.clearance,
-            first_gravity=1.0,
-            ground=Ground(),
-            randomisation=STILL,
-        ),
-        TRACE_SEED,
-    )
-    low, high = table.commands.frequency
-    env.fix_commands(torch.tensor([0.5 * table.commands.vx[1], 0.0, round((low + high) / 2)]))
-    rows = []
-    for _ in range(TRACE_STEPS):
-        obs = env.get_observations()
-        senses = _inputs(env)
-        action = actor(obs)
-        answers = {
-            "label": env.contacts.label,
-            "state": env.state,
-            "phi": env.phi,
-            "observation": obs["policy"],
-            "estimate": actor.estimate(obs["policy"]),
-            "action": action,
-        }
-        # copies: the environment's buffers change in place when an episode ends
-        row = {name: value[0].clone() for name, value in (senses | answers).items()}
-        env.step(action)
-        row["target"] = env.targets[0].clone()
-        rows.append(row)
-        if env.episode_length_buf[0] == 0:  # it fell: a trace of one episode is enough
-            break
-    columns = {name: torch.stack([row[name] for row in rows]) for name in rows[0]}
-    return Trace(**{name: _plain(column) for name, column in columns.items()})
+@dataclass(frozen=True)
+class Judgement:
+    """What :class:`Judge` saw."""
+
+    metrics: dict[str, float]
+    shortfalls: list[str]
+    """What keeps the policy from being useful, in words"""
+    limits: list[str]
+    """What the robot's daemon would say of it, in words"""
+
+    @property
+    def useful(self) -> bool:
+        return not self.shortfalls
 
 
-def _inputs(env: GaitEnv) -> dict[str, Tensor]:
-    simulation = env.simulation
-    return {
-        "touching": env.contacts.touching,
-        "clear": env.contacts.clear,
-        "joint_position": simulation.joint_position,
-        "joint_velocity": simulation.joint_velocity,
-        "projected_gravity": simulation.projected_gravity,
-        "angular_velocity": simulation.angular_velocity,
-        "command": env.command,
-    }
+class Judge:
+    """A world of its own in which a policy walks now and then: flat ground, nobody pushes.
 
+    The robots differ, and their sensors are noisy, as in training.
+    """
 
-def _plain(column: Tensor) -> list:
-    return float_lists(column) if column.is_floating_point() else column.tolist()
+    def __init__(self, table: MachineTable, robot: Robot, world: World, seed: int):
+        calm = replace(world.randomisation, push_velocity=0.0)
+        longer = 2 * SECONDS  # so that no command changes and no episode ends for its age
+        world = replace(
+            world, envs=ROBOTS, ground=Ground(), randomisation=calm, episode=longer,
+            command_interval=longer,
+        )  # fmt: skip
+        self._env = GaitEnv(table, robot, world, seed)
+        self._env.demands.progress = 1.0
+        self.steps = round((SECONDS + 1) * robot.policy_hz)
+        """Policy steps of a judgement"""
+
+    def __call__(
+        self,
+        actor: Callable[[TensorDict], Tensor],
+        progress: Callable[[int], None] = lambda step: None,
+    ) -> Judgement:
+        """``progress`` is told how many policy steps are done."""
+        env = self._env
+        env.begin_anew()
+        limits = SafetyLimits(env)
+
+        def after_step(step: int, actions: Tensor) -> None:
+            limits.observe(actions)
+            progress(step)
+
+        tally = evaluate(actor, env, self.steps - env.robot.policy_hz, after_step)
+        metrics = tally.metrics()
+        return Judgement(metrics, shortfalls(metrics, env.table.commands), limits.touched())

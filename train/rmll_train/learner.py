@@ -43,6 +43,7 @@ class GaitPPO(PPO):
 
     def __init__(self, env: GaitEnv, settings: Learner):
         s = settings
+        bf16 = s.bf16 is True  # "auto" was found out before, see precision.py
         self._rate_range = s.rate_range
         obs = env.get_observations()
         states = images(env.table, s.symmetry)
@@ -60,14 +61,14 @@ class GaitPPO(PPO):
             fold=Fold(env.robot, states, env.groups["critic"]),
         )  # fmt: skip
         storage = RolloutStorage(
-            "rl", env.num_envs, s.rollout, remembered(actor, obs, s.bf16), [env.num_actions]
+            "rl", env.num_envs, s.rollout, remembered(actor, obs, bf16), [env.num_actions]
         )
         super().__init__(
             actor, critic, storage, num_learning_epochs=s.epochs, num_mini_batches=s.mini_batches,
             clip_param=s.clip, gamma=s.gamma, lam=s.lam, entropy_coef=s.entropy[0],
             learning_rate=s.learning_rate, max_grad_norm=s.max_gradient,
             use_clipped_value_loss=s.clip_value, desired_kl=s.desired_kl,
-            use_mixed_precision=s.bf16,
+            use_mixed_precision=bf16,
         )  # fmt: skip
         self.policy = actor
         """The actor again, under its own type"""

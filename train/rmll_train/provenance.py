@@ -7,18 +7,23 @@ from typing import Any
 
 import msgspec
 
+from rmll_gaits.table import MachineTable
 from rmll_train.settings import Settings
 
 
-def origin(settings: Settings) -> dict[str, Any]:
-    """Plain values; to be asked for when a run begins, for the code may change while it trains."""
+def origin(settings: Settings, gait: MachineTable) -> dict[str, Any]:
+    """Plain values; to be asked for when a run begins, for the code may change while it trains.
+
+    The gait is told by its name: where its file lay is nobody's business, and its rules are in the
+    contract.
+    """
     return {
         "trained_by": f"rmll {version('rmll')}",
         "commit": _commit(),
         "seed": settings.seed,
         "torch": version("torch"),
         "mujoco": version("mujoco"),
-        "settings": msgspec.to_builtins(settings),
+        "settings": msgspec.to_builtins(settings) | {"gait": gait.gait},
     }
 
 

@@ -218,8 +218,8 @@ class Learner:
     estimator_batches: int = 8
     normalise_returns: bool = True
     """divide rewards by a running standard deviation of the discounted return"""
-    bf16: bool = True
-    """matrix products of the update in bfloat16"""
+    bf16: Literal["auto"] | bool = "auto"
+    """matrix products in bfloat16; "auto": if this processor is faster with it, see precision.py"""
     symmetry: Literal["auto"] | bool = "auto"
     """Of two states that are mirror images, left and right swapped, the networks see one, and the
     other in the mirror; "auto": if the gait allows it"""
@@ -246,6 +246,8 @@ class Settings:
             "learner.mini_batches": learner.mini_batches,
             "learner.estimator_batches": learner.estimator_batches,
         }
+        if not 0 <= self.seed < 2**32:
+            raise InputError(f"seed is {self.seed}, expected 0 to {2**32 - 1}")
         for name, size in sizes.items():
             if size < 1:
                 raise InputError(f"{name} is {size}, expected at least 1")

@@ -27,6 +27,8 @@ class Tally:
     episodes: Tensor
     ends: Tensor
     """episodes that ended before their time"""
+    falls: Tensor
+    """of these, with the robot on the ground"""
     length: Tensor
     """[policy steps] of the ended episodes"""
 
@@ -51,5 +53,6 @@ class Tally:
             "walk_reward": total["walk_reward"] / steps,
             "level": total["level"] / steps,
             "early_ends": total["ends"] / episodes,
+            "falls": total["falls"],
             "episode_steps": total["length"] / episodes,
         }

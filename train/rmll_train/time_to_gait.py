@@ -1,12 +1,12 @@
-"""How long gaits take to emerge: steps and minutes until a policy without exploration adheres.
+"""How long gaits take to become useful: steps and minutes until a policy without exploration is.
 
     python -m rmll_train.time_to_gait --gaits trot walk --seeds 0 1 2
     python -m rmll_train.time_to_gait --gaits trot --seeds 0 --without all
 
-Each run trains with default settings on flat ground. Every quarter of a million steps the policy
-walks without exploration, under all rules of the gait, over the whole range of its commands. A
-level is held when two such evaluations in a row reach it; the first of them counts. Their time is
-left out of the minutes. Results are kept as lines of JSON, so that an interrupted table goes on.
+Each run trains with default settings on flat ground. Every quarter of a million steps its policy is
+judged (see ``evaluation.Judge``). A level is held when two judgements in a row reach it; the first
+of them counts. Their time is left out of the minutes. Results are kept as lines of JSON, so that an
+interrupted table goes on.
 """
 
 import json
@@ -18,23 +18,23 @@ from typing import Any
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from rmll_contract import command
 from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait
-from rmll_robots import A1
-from rmll_train.environment import GaitEnv
-from rmll_train.evaluation import evaluate
+from rmll_train.evaluation import Judgement
 from rmll_train.provenance import origin
 from rmll_train.settings import Settings, overlaid
 from rmll_train.training import Run
+from rmll_train.usefulness import ADHERENCE
 
-LEVELS = 0.90, 0.95
 EVERY = 250_000
-"""Environment steps between two evaluations"""
-ROBOTS = 128
-SECONDS = 5.0
-"""of each evaluated walk"""
+"""Environment steps between two judgements"""
+LEVELS: dict[str, Callable[[Judgement], bool]] = {
+    f"adherence {ADHERENCE}": lambda found: found.metrics["adherence"] >= ADHERENCE,
+    "useful": lambda found: found.useful,
+}
 SIX = ("trot", "pace", "bound", "walk", "three_one", "half_bound")
 WITHOUT: dict[str, dict[str, Any]] = {
     "": {},
@@ -62,6 +62,15 @@ WITHOUT: dict[str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True)
+class Seen:
+    """A judgement, and when in the run it was made."""
+
+    steps: int
+    minutes: float
+    judgement: Judgement
+
+
+@dataclass(frozen=True)
 class Emergence:
     """One run's result; None for a level that it did not hold."""
 
@@ -69,11 +78,15 @@ class Emergence:
     seed: int
     without: str
     commit: str
+    bf16: bool
     steps: list[int | None]
     """environment steps, for each of ``LEVELS``"""
     minutes: list[float | None]
     adherence: float
-    """at the end of the run"""
+    vx_error: float
+    """[m/s]"""
+    wz_error: float
+    """[rad/s], these three at the end of the run"""
     rate: float
     """environment steps a second, learning included"""
 
@@ -81,44 +94,58 @@ class Emergence:
 def time_to_gait(
     gait: str, seed: int, without: str, limit: int, say: Callable[[str], None]
 ) -> Emergence:
-    """Train until the highest level is held, or for ``limit`` steps."""
+    """Train until the gait is useful, or for ``limit`` steps."""
     settings = overlaid(replace(Settings(), gait=gait, seed=seed), WITHOUT[without], without)
-    run = Run(settings)
-    judged = GaitEnv(load_gait(gait), A1, replace(settings.world, envs=ROBOTS), seed + 1000)
-    seen: list[tuple[int, float, float]] = []
-    while run.steps < limit and not held(seen, LEVELS[-1]):
+    table = load_gait(gait)
+    run = Run(settings, table)
+    judge = run.judge()
+    seen: list[Seen] = []
+    while run.steps < limit and not held(seen, LEVELS["useful"]):
         run.update()
         if run.steps >= min(limit, EVERY * (len(seen) + 1)):
-            walked = evaluate(run.policy, judged, round(SECONDS * A1.policy_hz)).metrics()
-            seen.append((run.steps, run.seconds / 60, walked["adherence"]))
-            say(f"{gait} {without} seed {seed}: {run.steps / 1e6:.2f} M steps, {seen[-1][2]:.3f}")
-    marks = [held(seen, level) for level in LEVELS]
+            seen.append(Seen(run.steps, run.seconds / 60, judge(run.policy)))
+            say(
+                f"{gait} {without} seed {seed}: {run.steps / 1e6:.2f} M steps, {_figures(seen[-1])}"
+            )
+    marks = [held(seen, level) for level in LEVELS.values()]
+    last = seen[-1].judgement.metrics
     return Emergence(
-        gait, seed, without, origin(settings)["commit"],
-        steps=[mark and mark[0] for mark in marks],
-        minutes=[mark and round(mark[1], 2) for mark in marks],
-        adherence=round(seen[-1][2], 3), rate=round(run.steps / run.seconds),
+        gait, seed, without, origin(settings, table)["commit"], run.precision.bf16,
+        steps=[mark and mark.steps for mark in marks],
+        minutes=[mark and round(mark.minutes, 2) for mark in marks],
+        adherence=round(last["adherence"], 3), vx_error=round(last["vx_error"], 3),
+        wz_error=round(last["wz_error"], 3), rate=round(run.steps / run.seconds),
     )  # fmt: skip
 
 
-def held(seen: list[tuple[int, float, float]], level: float) -> tuple[int, float] | None:
-    """Steps and minutes at the first of two evaluations in a row that reach ``level``."""
-    for (steps, minutes, first), (_, _, second) in pairwise(seen):
-        if min(first, second) >= level:
-            return steps, minutes
+def held(seen: list[Seen], level: Callable[[Judgement], bool]) -> Seen | None:
+    """The first of two judgements in a row that reach ``level``."""
+    for first, second in pairwise(seen):
+        if level(first.judgement) and level(second.judgement):
+            return first
     return None
+
+
+def _figures(seen: Seen) -> str:
+    found = seen.judgement.metrics
+    return (
+        f"adherence {found['adherence']:.3f}, errors {found['vx_error']:.3f} m/s "
+        f"{found['wz_error']:.3f} rad/s, {found['falls']:.0f} falls"
+    )
 
 
 def _table(results: list[Emergence]) -> Table:
     table = Table("gait", "seed", "without", box=None)
-    for head in (*(f"{level:.2f} at [M steps]" for level in LEVELS),
-                 *(f"{level:.2f} at [min]" for level in LEVELS), "last", "steps/s"):  # fmt: skip
-        table.add_column(head, justify="right")
+    for head in (*(f"{level} at [M steps]" for level in LEVELS),
+                 *(f"{level} at [min]" for level in LEVELS),
+                 "last: adherence, vx, wz error", "steps/s"):  # fmt: skip
+        table.add_column(Text(head), justify="right")
     for found in results:
         millions = [_plain(steps and steps / 1e6) for steps in found.steps]
         minutes = [_plain(value) for value in found.minutes]
-        last, rate = f"{found.adherence:.3f}", f"{found.rate:,}"
-        table.add_row(found.gait, str(found.seed), found.without, *millions, *minutes, last, rate)
+        last = f"{found.adherence:.3f}, {found.vx_error:.3f}, {found.wz_error:.3f}"
+        table.add_row(found.gait, str(found.seed), found.without, *millions, *minutes, last,
+                      f"{found.rate:,}")  # fmt: skip
     return table
 
 
@@ -133,7 +160,7 @@ def measure(
     limit: int = 12_000_000,
     out: Path = Path("time-to-gait.jsonl"),
 ) -> None:
-    """Measure how long gaits take to emerge, with default settings on flat ground.
+    """Measure how long gaits take to become useful, with default settings on flat ground.
 
     Example: python -m rmll_train.time_to_gait --gaits trot --seeds 0
 
@@ -146,7 +173,10 @@ def measure(
     """
     console = Console(stderr=True)
     lines = out.read_text().splitlines() if out.exists() else []
-    results = [Emergence(**json.loads(line)) for line in lines]
+    try:
+        results = [Emergence(**json.loads(line)) for line in lines]
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{out}: not a table of this version: {error}") from error
     if unknown := set(without) - {"all", *WITHOUT}:
         raise InputError(f"--without {unknown.pop()}: known: all, {', '.join(WITHOUT)}")
     chosen = tuple(WITHOUT) if "all" in without else without

@@ -3,7 +3,7 @@
 import signal
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,23 +11,31 @@ import torch
 import yaml
 from torch.utils.tensorboard import SummaryWriter
 
+from rmll_gaits.changes import changes
 from rmll_gaits.errors import InputError
-from rmll_gaits.load import load_gait
+from rmll_gaits.load import load_gait, load_text
+from rmll_gaits.table import MachineTable
 from rmll_robots import A1
+from rmll_train import precision
 from rmll_train import settings as settings_file
 from rmll_train.checkpoint import load_checkpoint, save_checkpoint, save_policy
 from rmll_train.environment import GaitEnv
-from rmll_train.evaluation import evaluate, golden_trace
+from rmll_train.evaluation import WHERE, Judge, Judgement
+from rmll_train.golden_trace import golden_trace
 from rmll_train.learner import GaitPPO
 from rmll_train.network import EstimatingActor
+from rmll_train.precision import Precision
 from rmll_train.provenance import origin, stages
 from rmll_train.settings import Settings
 
 SETTINGS = "settings.yaml"
+GAIT = "gait.yaml"
+"""The run's own copy of its gait's file"""
 RESULT = "result.yaml"
 """Written last: a run that has it is finished"""
 CHECKPOINT_SECONDS = 45.0
-EVALUATION_STEPS = 500
+JUDGE_SEED = 1000
+"""Added to the run's seed: a policy is not judged in the very world it was trained in"""
 
 
 @dataclass(frozen=True)
@@ -42,17 +50,30 @@ class Progress:
     losses: dict[str, float]
 
 
-Report = Callable[[Progress], None]
+@dataclass(frozen=True)
+class Judging:
+    """What a reporter is shown while the trained policy walks without exploration."""
+
+    done: int
+    total: int
+    """policy steps"""
+
+
+Report = Callable[[Precision | Progress | Judging], None]
+"""Told first how matrix products are done, then of each update, then of the judgement"""
 
 
 def train(folder: Path, settings: Settings, report: Report, resume: bool) -> bool:
     """Train until ``settings.learner.steps``; returns False if Ctrl-C or SIGTERM ended it before.
 
-    ``folder`` then holds the settings, ``checkpoint.pt`` (at most a minute old at any time),
-    ``policy.safetensors``, TensorBoard events and, when finished, ``result.yaml``.
-    Raises Failure when training diverges; the last good checkpoint stays.
+    ``folder`` then holds the gait and the settings, ``checkpoint.pt`` (at most a minute old at any
+    time), ``policy.safetensors``, TensorBoard events and, when finished, ``result.yaml``.
+    Raises Failure when training diverges, the last good checkpoint stays; InputError if a resumed
+    run's gait has changed.
     """
-    run = Run(settings)
+    gait = _unchanged(settings.gait, folder) if resume else load_gait(settings.gait)
+    run = Run(settings, gait)
+    report(run.precision)
     if resume:
         saved = load_checkpoint(folder)
         try:
@@ -64,6 +85,8 @@ def train(folder: Path, settings: Settings, report: Report, resume: bool) -> boo
             ) from error
     folder.mkdir(parents=True, exist_ok=resume)
     (folder / SETTINGS).write_text(settings_file.to_yaml(settings))
+    if not resume:
+        (folder / GAIT).write_text(load_text(settings.gait)[0], "utf-8")
     with _Interrupt() as interrupt, SummaryWriter(str(folder), purge_step=run.steps + 1) as writer:
         saved_at = time.monotonic()
         while run.steps < settings.learner.steps and not interrupt.asked:
@@ -77,8 +100,27 @@ def train(folder: Path, settings: Settings, report: Report, resume: bool) -> boo
         run.save(folder)
     if interrupt.asked:
         return False
-    run.finish(folder)
+    run.finish(folder, report)
     return True
+
+
+def _unchanged(gait: str, folder: Path) -> MachineTable:
+    """The gait that the run in ``folder`` began with, by the run's own copy of its file.
+
+    ``gait`` is the file it was copied from; InputError if that is still there and says otherwise.
+    """
+    copy = folder / GAIT
+    if not copy.is_file():
+        raise InputError(f"{copy}: no such file; a run of this version of rmll-train has one")
+    begun = load_gait(copy)
+    if Path(gait).suffix and not Path(gait).is_file():
+        return begun
+    if found := list(changes(begun, load_gait(gait))):
+        raise InputError(
+            f"{gait} has changed since the run began ({'; '.join(found)}): what was learnt holds "
+            f"for the old rules. Begin a new run, or put back {copy}"
+        )
+    return begun
 
 
 def _draw(writer: SummaryWriter, progress: Progress) -> None:
@@ -90,13 +132,15 @@ def _draw(writer: SummaryWriter, progress: Progress) -> None:
 class Run:
     """The parts of a run that change while it trains."""
 
-    def __init__(self, settings: Settings):
+    def __init__(self, settings: Settings, gait: MachineTable):
+        self.precision = precision.choose(settings)
+        learner = replace(settings.learner, bf16=self.precision.bf16)
+        self._settings = settings = replace(settings, learner=learner)
         torch.manual_seed(settings.seed)
-        self._settings = settings
-        self._origin = origin(settings)
+        self._origin = origin(settings, gait)
         self._stages: list[dict[str, Any]] = []
         """Earlier ones of a run that goes on with other code or settings"""
-        self._env = GaitEnv(load_gait(settings.gait), A1, settings.world, settings.seed)
+        self._env = GaitEnv(gait, A1, settings.world, settings.seed)
         self._learner = GaitPPO(self._env, settings.learner)
         self.steps = 0
         self.seconds = 0.0
@@ -151,10 +195,16 @@ class Run:
         torch.set_rng_state(saved["random"])
         self.steps, self.seconds = saved["steps"], saved["seconds"]
 
-    def finish(self, folder: Path) -> None:
-        """Measure the policy without exploration and write the result."""
-        tally = evaluate(self._learner.policy, self._env, EVALUATION_STEPS)
-        result = self._provenance() | {"metrics": tally.metrics()}
+    def judge(self) -> Judge:
+        """The world in which this run's policies are judged."""
+        env, settings = self._env, self._settings
+        return Judge(env.table, env.robot, settings.world, settings.seed + JUDGE_SEED)
+
+    def finish(self, folder: Path, report: Report) -> None:
+        """Judge the policy and write the result."""
+        judge = self.judge()
+        judgement = judge(self.policy, lambda done: report(Judging(done, judge.steps)))
+        result = self._provenance() | _told(judgement)
         self._save_policy(folder, result)
         (folder / RESULT).write_text(yaml.safe_dump(result, sort_keys=False))
 
@@ -171,6 +221,17 @@ class Run:
             "skipped_steps": self._learner.skipped_steps,
             "stages": self._stages,
         }
+
+
+def _told(judgement: Judgement) -> dict[str, Any]:
+    """Its part of a finished run's result, and of the policy's provenance."""
+    return {
+        "metrics": judgement.metrics,
+        "measured": WHERE,
+        "useful": judgement.useful,
+        "shortfalls": judgement.shortfalls,
+        "limits": judgement.limits,
+    }
 
 
 class _Interrupt:

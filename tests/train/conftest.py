@@ -1,0 +1,11 @@
+"""Policies of tests are judged by few robots, for a second: it is the words that are tested."""
+
+import pytest
+
+from rmll_train import evaluation
+
+
+@pytest.fixture(autouse=True)
+def quick_judge(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evaluation, "ROBOTS", 8)
+    monkeypatch.setattr(evaluation, "SECONDS", 1.0)

@@ -1,0 +1,58 @@
+"""What the daemon would say of a walk, seen in the trainer's world."""
+
+import torch
+
+from rmll_gaits.load import load_gait
+from rmll_onboard.settings import Safety
+from rmll_robots import A1
+from rmll_train.environment import GaitEnv
+from rmll_train.safety_limits import SafetyLimits
+from rmll_train.settings import World
+
+ENVS = 4
+NO_ACTION = torch.zeros(ENVS, 12)
+
+
+def limits() -> tuple[GaitEnv, SafetyLimits]:
+    env = GaitEnv(load_gait("trot"), A1, World(envs=ENVS), seed=0)
+    env.simulation.joint_velocity = torch.zeros(ENVS, 12)
+    return env, SafetyLimits(env)
+
+
+def test_a_robot_within_all_limits_is_not_spoken_of() -> None:
+    _, watched = limits()
+    for _ in range(100):
+        watched.observe(NO_ACTION)
+    assert watched.touched() == []
+
+
+def test_a_joint_that_keeps_turning_too_fast_is_told_with_how_fast_and_how_often() -> None:
+    env, watched = limits()
+    env.simulation.joint_velocity[2, 5] = -22.6
+    for _ in range(3):
+        watched.observe(NO_ACTION)
+    (said,) = watched.touched()
+    assert said == (
+        "in 1 of 4 walks a joint turned at up to 22.6 rad/s; the daemon allows "
+        f"{Safety().joint_speed:g}"
+    )
+
+
+def test_a_single_moment_passes_as_it_does_in_the_daemon() -> None:
+    env, watched = limits()
+    for speed in (25.0, 0.0, 25.0, 0.0):
+        env.simulation.joint_velocity[0, 0] = speed
+        watched.observe(NO_ACTION)
+    assert watched.touched() == []
+
+
+def test_wild_actions_and_a_stuck_gait_are_told() -> None:
+    env, watched = limits()
+    env.phi[1] = round(11 * float(env.command[1, 2]))
+    wild = NO_ACTION.clone()
+    wild[3, 0] = 2.5 * A1.action_clip
+    for _ in range(4):
+        watched.observe(wild)
+    action, stuck = watched.touched()
+    assert action.startswith("in 1 of 4 walks the policy's largest action was up to 2.5 of its")
+    assert stuck.startswith("in 1 of 4 walks no transition came for up to 11 times c_f")
