@@ -22,6 +22,7 @@ from rmll_train.settings import (
     Settings,
     Terminations,
     World,
+    paper,
 )
 from rmll_train.simulation import Simulation
 
@@ -365,10 +366,28 @@ def test_pressure_above_one_narrows_both_tracking_rewards_alike(pressure: float)
 
     weighted = reward.terms(simulation, motion, settings, pressure, env.dt)
 
-    width = settings.width / max(1.0, pressure) ** 3
+    narrowed = max(1.0, pressure) ** 3
+    kernels = [np.exp(-(error**2) * narrowed / w) for w in (settings.width, settings.fine_width)]
     for name in ("velocity_x", "velocity_yaw"):
         kept = float(weighted[name][0]) / getattr(settings, name)
-        assert kept == pytest.approx(np.exp(-(error**2) / width), rel=1e-5)
+        assert kept == pytest.approx(np.mean(kernels), rel=1e-5)
+
+
+def test_the_papers_tracking_is_one_kernel() -> None:
+    env, settings = make(), paper(Settings()).world.rewards
+    env.simulation.base_velocity[:] = torch.tensor([0.5, 0.0, 0.0])
+    weighted = reward.terms(env.simulation, still(torch.zeros(ENVS, 3)), settings, 1.0, env.dt)
+    assert weighted["velocity_x"].tolist() == pytest.approx([np.exp(-1.0)] * ENVS)
+
+
+def test_only_what_joints_turn_too_fast_costs() -> None:
+    env, settings = make(), Rewards()
+    env.simulation.joint_velocity = torch.full((ENVS, 12), 0.9 * A1.velocity_limit)
+    motion = still(env.command)
+    assert not reward.terms(env.simulation, motion, settings, 1.0, env.dt)["joint_speed"].any()
+    env.simulation.joint_velocity[:, 2] -= 2 * 0.9 * A1.velocity_limit + 3.0
+    cost = reward.terms(env.simulation, motion, settings, 1.0, env.dt)["joint_speed"]
+    assert cost.tolist() == pytest.approx([3.0 * settings.joint_speed] * ENVS, rel=1e-4)
 
 
 def test_only_what_feet_are_lifted_beyond_the_free_height_costs() -> None:

@@ -14,7 +14,8 @@ AIR_TIME_TARGET = 0.5
 SPEED_OFFSET = 0.5
 """[m/s] added to the speed by which power is divided: stepping on the spot costs too"""
 SOFT_LIMIT = 0.9
-"""Share of the joint range that costs nothing (legged_gym's soft_dof_pos_limit)"""
+"""Share of the joint range that costs nothing (legged_gym's soft_dof_pos_limit), and of the joint
+speed limit"""
 LEAST_PROMPTNESS = 0.25
 
 
@@ -35,7 +36,8 @@ def terms(
     simulation: Simulation, motion: Motion, settings: Rewards, pressure: float, dt: float
 ) -> dict[str, Tensor]:
     """Weighted terms of R_walk per second, each (n,); the first two are the tracking rewards."""
-    width = settings.width / max(1.0, pressure) ** 3
+    narrowed = max(1.0, pressure) ** 3
+    widths = settings.width / narrowed, settings.fine_width / narrowed
     velocity, spin = simulation.base_velocity, simulation.angular_velocity
     joint_velocity, torque = simulation.joint_velocity, simulation.torque
     acceleration = (motion.last_joint_velocity - joint_velocity) / dt
@@ -46,8 +48,8 @@ def terms(
     moving = (motion.command[:, :2].norm(dim=1) > 0.1).float()
     air_time = ((landed - AIR_TIME_TARGET) * (landed > 0)).sum(1) * moving
     raw = {
-        "velocity_x": _track(wanted - velocity[:, 0], width),
-        "velocity_yaw": _track(motion.command[:, 1] - spin[:, 2], width),
+        "velocity_x": _track(wanted - velocity[:, 0], widths),
+        "velocity_yaw": _track(motion.command[:, 1] - spin[:, 2], widths),
         "velocity_z": velocity[:, 2].square(),
         "velocity_y": velocity[:, 1].square(),
         "angular_velocity_xy": spin[:, :2].square().sum(1),
@@ -56,6 +58,7 @@ def terms(
         "air_time": air_time,
         "action_rate": (motion.last_action - motion.action).square().sum(1),
         "joint_limit": _beyond_limits(simulation),
+        "joint_speed": _too_fast(simulation),
         "foot_lift": (simulation.foot_height - settings.free_lift).clamp(min=0).sum(1),
         "power": (torque * joint_velocity).abs().sum(1) / (progress + SPEED_OFFSET),
     }
@@ -81,8 +84,16 @@ def promptness(dwell: Tensor, frequency: Tensor, waited: Tensor) -> Tensor:
     return (due / waited).clamp(LEAST_PROMPTNESS, 1.0)
 
 
-def _track(error: Tensor, width: float) -> Tensor:
-    return (-error.square() / width).exp()
+def _track(error: Tensor, widths: tuple[float, float]) -> Tensor:
+    """The mean of a wide kernel, which leads from afar, and a narrow one, for exactness."""
+    square = error.square()
+    wide, fine = ((-square / width).exp() for width in widths)
+    return (wide + fine) / 2
+
+
+def _too_fast(simulation: Simulation) -> Tensor:
+    limit = SOFT_LIMIT * simulation.robot.velocity_limit
+    return (simulation.joint_velocity.abs() - limit).clamp(min=0).sum(1)
 
 
 def _beyond_limits(simulation: Simulation) -> Tensor:
