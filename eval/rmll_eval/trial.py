@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from rmll_gaits.errors import InputError
-from rmll_gaits.table import Commands
+from rmll_gaits.table import Commands, nearest
 
 GRID_SPEEDS = 9
 
@@ -38,24 +38,26 @@ def grid(
     Without speeds, evenly spaced ones over what was trained; without frequencies, each whole one.
     Raises InputError, which names the flag, for a command that was not trained.
     """
-    low, high = commands.frequency
     speeds = speeds or [float(v) for v in np.linspace(*commands.vx, GRID_SPEEDS)]
-    frequencies = frequencies or [float(n) for n in range(round(low), round(high) + 1)]
+    frequencies = (
+        frequencies or [float(n) for n in commands.whole_frequencies] or [commands.middle_frequency]
+    )
     _check("speeds", speeds, commands.vx)
     _check("frequencies", frequencies, commands.frequency)
+    straight = nearest(0.0, commands.wz)
     cells = product(sorted(set(speeds)), sorted(set(frequencies)), range(repeats))
-    return [Trial(vx, 0.0, n, seed + index) for index, (vx, n, _) in enumerate(cells)]
+    return [Trial(vx, straight, n, seed + index) for index, (vx, n, _) in enumerate(cells)]
 
 
 def draw(commands: Commands, episodes: int, seed: int) -> list[Trial]:
     """Walks with commands drawn evenly from what was trained, c_f in whole steps as in training."""
     rng = np.random.default_rng(seed)
-    low, high = commands.frequency
+    frequencies = list(commands.whole_frequencies) or [commands.middle_frequency]
     return [
         Trial(
             vx=float(rng.uniform(*commands.vx)),
             wz=float(rng.uniform(*commands.wz)),
-            frequency=float(rng.integers(round(low), round(high), endpoint=True)),
+            frequency=float(frequencies[rng.integers(len(frequencies))]),
             seed=seed + index,
         )
         for index in range(episodes)

@@ -3,6 +3,7 @@
 This one table trains the policy, travels in the bundle, steers the robot and judges logs.
 """
 
+import math
 import operator
 from dataclasses import dataclass, fields
 from typing import Any
@@ -19,6 +20,12 @@ STAY, ADVANCE, REJECT = 0, 1, 2
 MAX_STATES = 64
 
 
+def nearest(value: float, limits: tuple[float, float]) -> float:
+    """The number within ``limits`` (low, high) that is nearest to ``value``."""
+    low, high = limits
+    return min(max(value, low), high)
+
+
 @dataclass(frozen=True)
 class Commands:
     """Ranges (low, high) from which commands are drawn, and to which they are clamped."""
@@ -29,6 +36,19 @@ class Commands:
     """[rad/s], left positive"""
     frequency: tuple[float, float]
     """c_f [policy steps], the least time between two transitions"""
+
+    @property
+    def whole_frequencies(self) -> range:
+        """The c_f of whole policy steps; none in a range such as [6.2, 6.8]."""
+        low, high = self.frequency
+        return range(math.ceil(low), math.floor(high) + 1)
+
+    @property
+    def middle_frequency(self) -> float:
+        """c_f where nobody chose one: the middle, in whole policy steps where there are some."""
+        middle = sum(self.frequency) / 2
+        whole = round(middle)
+        return float(whole) if whole in self.whole_frequencies else middle
 
 
 @dataclass(frozen=True, eq=False)

@@ -85,8 +85,8 @@ def _told(emulator: Emulator, realtime_factor: float, log: Path | None) -> None:
 def run_command(
     policy: Path,
     seconds: float = 20.0,
-    vx: float = 0.5,
-    wz: float = 0.0,
+    vx: float | None = None,
+    wz: float | None = None,
     frequency: tuple[float, ...] | None = None,
     robot: Robot = Settings(),  # noqa: B008 - frozen
     link: Kind | None = None,
@@ -107,8 +107,8 @@ def run_command(
     Args:
         policy: The bundle to run.
         seconds: How long to walk, after standing up.
-        vx: Forward speed [m/s].
-        wz: Turning speed [rad/s], left positive.
+        vx: Forward speed [m/s]; 0.5 by default, or what is nearest to it in the gait's range.
+        wz: Turning speed [rad/s], left positive; straight on by default.
         frequency: c_f, the least policy steps between two transitions; the middle of the gait's
             range by default. Several values share the seconds, and make one more picture.
         robot: What the emulated robot is like.

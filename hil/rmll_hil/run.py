@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from rmll_gaits.errors import Failure, InputError
+from rmll_gaits.table import nearest
 from rmll_hil import lockstep, metrics, realtime, results, sweep
 from rmll_hil.can_robot import CanRobot
 from rmll_hil.emulator import Emulator, Settings
@@ -28,6 +29,8 @@ from rmll_onboard.pilot import FlagPilot
 
 LOG = "run.mcap"
 """The flight recorder's file in a run's folder"""
+USUAL_SPEED = 0.5
+"""[m/s] where nobody chose one"""
 WALL_CLOCK = ("realtime_factor", "tick_us", "wake_us", "rss_mb", "pace")
 """Figures of the machine and not of the robot; None in lockstep, so that equal runs print equal"""
 
@@ -35,8 +38,8 @@ WALL_CLOCK = ("realtime_factor", "tick_us", "wake_us", "rss_mb", "pace")
 def run(
     policy: Path,
     seconds: float,
-    vx: float,
-    wz: float,
+    vx: float | None,
+    wz: float | None,
     frequency: tuple[float, ...] | None,
     settings: Settings,
     daemon: onboard.Settings,
@@ -52,7 +55,9 @@ def run(
     if plan and daemon.link.kind != "udp":
         raise InputError("--faults: a fault plan needs --link udp")
     prove(bundle)
-    pilot = FlagPilot(bundle.table.commands, vx, wz, frequency, seconds)
+    commands = bundle.table.commands
+    vx = nearest(USUAL_SPEED, commands.vx) if vx is None else vx
+    pilot = FlagPilot(commands, vx, wz, frequency, seconds)
     folder = results.folder(out, bundle.contract.gait)
     messages = Console(stderr=True)
     try:
@@ -72,7 +77,7 @@ def run(
     if in_lockstep:
         summary |= dict.fromkeys(WALL_CLOCK)
     pace = " ".join(f"{value:g}" for value in pilot.frequencies)
-    title = f"{bundle.contract.gait}, {vx:g} m/s, {wz:g} rad/s, c_f {pace}"
+    title = f"{bundle.contract.gait}, {pilot.vx:g} m/s, {pilot.wz:g} rad/s, c_f {pace}"
     if len(pilot.frequencies) > 1:
         found = sweep.phases(outcome, bundle.table, pilot.frequencies, seconds)
         summary["phases"] = found

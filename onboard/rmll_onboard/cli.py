@@ -19,7 +19,7 @@ from rmll_onboard.controller import prove
 from rmll_onboard.daemon import Daemon
 from rmll_onboard.gamepad import GamepadPilot, open_gamepad
 from rmll_onboard.loop import Loop
-from rmll_onboard.pilot import FlagPilot, Pilot, RemotePilot, middle_frequency
+from rmll_onboard.pilot import FlagPilot, Pilot, RemotePilot
 from rmll_onboard.recorder import Recorder, log_path
 from rmll_onboard.service import Service
 from rmll_onboard.settings import Kind, Settings, as_yaml, load_settings
@@ -148,7 +148,7 @@ def _leading(
         raise InputError(f"{' and '.join(leaders)}: one can lead, not both")
     if seconds is not None and not flags:
         raise InputError("--seconds needs one of --vx, --wz, --frequency")
-    frequency = middle_frequency(ranges)
+    frequency = ranges.middle_frequency
     if gamepad:
         device = None if str(gamepad) == "auto" else gamepad
         with closing(GamepadPilot(open_gamepad(device), ranges, frequency)) as pilot:

@@ -4,11 +4,10 @@ A gamepad and a local socket lead too, see :mod:`gamepad` and :mod:`command_sock
 """
 
 from collections.abc import Sequence
-from statistics import fmean
 from typing import NamedTuple, Protocol
 
 from rmll_gaits.errors import InputError
-from rmll_gaits.table import Commands
+from rmll_gaits.table import Commands, nearest
 from rmll_onboard.remote import Button, Remote
 from rmll_onboard.supervisor import NS, Mode, Request
 
@@ -93,16 +92,19 @@ class FlagPilot:
     def __init__(
         self,
         commands: Commands,
-        vx: float = 0.0,
-        wz: float = 0.0,
+        vx: float | None = None,
+        wz: float | None = None,
         frequency: float | Sequence[float] | None = None,
         seconds: float | None = None,
     ) -> None:
+        # a gait that always turns, or never stands, has no 0 among its commands
+        vx = nearest(0.0, commands.vx) if vx is None else vx
+        wz = nearest(0.0, commands.wz) if wz is None else wz
         if isinstance(frequency, int | float):
             frequency = (frequency,)
         self.vx, self.wz = vx, wz
         """[m/s], [rad/s]"""
-        self.frequencies = tuple(frequency or (middle_frequency(commands),))
+        self.frequencies = tuple(frequency or (commands.middle_frequency,))
         """c_f [policy steps]"""
         self.seconds = seconds
         asked = [("vx", vx), ("wz", wz), *(("frequency", value) for value in self.frequencies)]
@@ -132,11 +134,6 @@ class FlagPilot:
     def finished(self, mode: Mode, fault: str | None) -> bool:
         walked = self._walking_since is not None
         return fault is not None or (walked and mode is Mode.DAMPING)
-
-
-def middle_frequency(commands: Commands) -> float:
-    """c_f where nobody chose one: the middle of what was trained, in whole policy steps."""
-    return float(round(fmean(commands.frequency)))
 
 
 def _scaled(share: float, limits: tuple[float, float]) -> float:

@@ -4,7 +4,6 @@ One policy step: action -> joint targets held for 20 ms -> contact labels -> aut
 with the bonus where the automaton advanced -> ends of episodes -> observation.
 """
 
-import math
 from typing import Any
 
 import torch
@@ -300,11 +299,11 @@ class GaitEnv(VecEnv):
 
     def _frequencies(self, shape: tuple[int, ...]) -> Tensor:
         """c_f [policy steps], whole ones where the gait's range has some."""
-        low, high = self.table.commands.frequency
-        first, last = math.ceil(low), math.floor(high)
-        if first > last:
-            return self._uniform(shape, low, high)
-        return torch.randint(first, last + 1, shape, generator=self.generator).float()
+        commands = self.table.commands
+        whole = commands.whole_frequencies
+        if not whole:
+            return self._uniform(shape, *commands.frequency)
+        return torch.randint(whole.start, whole.stop, shape, generator=self.generator).float()
 
     # -- observations -------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from rmll_contract.contract import Trace, float_lists
 from rmll_gaits.errors import Failure
-from rmll_gaits.table import Commands, MachineTable
+from rmll_gaits.table import Commands, MachineTable, nearest
 from rmll_robots import Robot
 from rmll_train.environment import GaitEnv
 from rmll_train.network import EstimatingActor
@@ -76,12 +76,8 @@ def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, worl
 def command(ranges: Commands) -> list[float]:
     """Half of the highest speed, straight on, the middle frequency: each as near to it as the
     gait's ranges allow, for the robot brings commands back into them."""
-    low, high = ranges.frequency
-    middle = (low + high) / 2
-    frequency = round(middle) if low <= round(middle) <= high else middle
-    vx = min(max(0.5 * ranges.vx[1], ranges.vx[0]), ranges.vx[1])
-    wz = min(max(0.0, ranges.wz[0]), ranges.wz[1])
-    return [vx, wz, float(frequency)]
+    vx, wz = nearest(0.5 * ranges.vx[1], ranges.vx), nearest(0.0, ranges.wz)
+    return [vx, wz, ranges.middle_frequency]
 
 
 def _inputs(env: GaitEnv) -> dict[str, Tensor]:
