@@ -4,7 +4,7 @@ VENV := .venv
 PIP := $(VENV)/bin/pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO := hil-runs/demo-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: demo test fuzz golden bench bench-train lint typecheck setup clean
+.PHONY: demo test fuzz golden bench bench-train time-to-gait lint typecheck setup clean
 
 # What the emulator and the daemon need; no torch.
 demo: $(VENV)/.hil
@@ -19,6 +19,10 @@ fuzz: setup
 
 # Timings; run them on an idle machine.
 bench-train: setup
+	$(VENV)/bin/python tests/benchmarks/bench_precision.py
+
+# Hours: steps and minutes until each of the paper's gaits is useful; an interrupted one goes on.
+time-to-gait: setup
 	$(VENV)/bin/python -m rmll_train.time_to_gait --out time-to-gait.jsonl
 
 bench: setup

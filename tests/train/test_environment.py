@@ -10,6 +10,7 @@ from rmll_contract import observation
 from rmll_gaits import label, machine
 from rmll_gaits.load import load_gait
 from rmll_gaits.machine import Machine
+from rmll_gaits.table import Commands
 from rmll_robots import A1
 from rmll_train import reward
 from rmll_train.environment import GaitEnv
@@ -27,6 +28,7 @@ from rmll_train.settings import (
 from rmll_train.simulation import Simulation
 
 ENVS = 16
+FINE = reward.FineWidths.of(load_gait("trot").commands, Rewards())
 
 
 def make(gait: str = "trot", seed: int = 0, **world) -> GaitEnv:
@@ -349,7 +351,7 @@ def test_the_same_power_costs_less_the_more_of_the_wanted_speed_is_reached() -> 
     def cost(wanted: float, speed: float) -> float:
         command[:, 0] = wanted
         simulation.base_velocity[:] = torch.tensor([speed, 0.0, 0.0])
-        weighted = reward.terms(simulation, motion, settings, pressure=1.0, dt=env.dt)
+        weighted = reward.terms(simulation, motion, settings, FINE, pressure=1.0, dt=env.dt)
         return -float(weighted["power"][0])
 
     assert cost(0.8, 0.8) == pytest.approx(cost(-0.8, -0.8)) == pytest.approx(0.12 / 1.3)
@@ -364,19 +366,30 @@ def test_pressure_above_one_narrows_both_tracking_rewards_alike(pressure: float)
     simulation.base_velocity[:], simulation.angular_velocity[:] = 0.0, 0.0
     motion = still(torch.tensor([error, error, 9.0]).expand(ENVS, 3))
 
-    weighted = reward.terms(simulation, motion, settings, pressure, env.dt)
+    weighted = reward.terms(simulation, motion, settings, FINE, pressure, env.dt)
 
     narrowed = max(1.0, pressure) ** 3
-    kernels = [np.exp(-(error**2) * narrowed / w) for w in (settings.width, settings.fine_width)]
+    kernels = [np.exp(-(error**2) * narrowed / w) for w in (settings.width, FINE.vx)]
     for name in ("velocity_x", "velocity_yaw"):
         kept = float(weighted[name][0]) / getattr(settings, name)
         assert kept == pytest.approx(np.mean(kernels), rel=1e-5)
 
 
+def test_the_narrow_kernel_is_as_narrow_as_the_gaits_commands_are() -> None:
+    assert pytest.approx((0.04, 0.04)) == FINE
+    slow = reward.FineWidths.of(load_gait("walk").commands, Rewards())
+    assert slow == pytest.approx((0.01, 0.01))
+    nothing = reward.FineWidths.of(Commands((0.0, 0.0), (0.0, 0.0), (6.0, 6.0)), Rewards())
+    assert nothing.vx > 0
+
+
 def test_the_papers_tracking_is_one_kernel() -> None:
     env, settings = make(), paper(Settings()).world.rewards
     env.simulation.base_velocity[:] = torch.tensor([0.5, 0.0, 0.0])
-    weighted = reward.terms(env.simulation, still(torch.zeros(ENVS, 3)), settings, 1.0, env.dt)
+    fine = reward.FineWidths.of(env.table.commands, settings)
+    weighted = reward.terms(
+        env.simulation, still(torch.zeros(ENVS, 3)), settings, fine, 1.0, env.dt
+    )
     assert weighted["velocity_x"].tolist() == pytest.approx([np.exp(-1.0)] * ENVS)
 
 
@@ -384,9 +397,11 @@ def test_only_what_joints_turn_too_fast_costs() -> None:
     env, settings = make(), Rewards()
     env.simulation.joint_velocity = torch.full((ENVS, 12), 0.9 * A1.velocity_limit)
     motion = still(env.command)
-    assert not reward.terms(env.simulation, motion, settings, 1.0, env.dt)["joint_speed"].any()
+    assert not reward.terms(env.simulation, motion, settings, FINE, 1.0, env.dt)[
+        "joint_speed"
+    ].any()
     env.simulation.joint_velocity[:, 2] -= 2 * 0.9 * A1.velocity_limit + 3.0
-    cost = reward.terms(env.simulation, motion, settings, 1.0, env.dt)["joint_speed"]
+    cost = reward.terms(env.simulation, motion, settings, FINE, 1.0, env.dt)["joint_speed"]
     assert cost.tolist() == pytest.approx([3.0 * settings.joint_speed] * ENVS, rel=1e-4)
 
 
@@ -395,7 +410,7 @@ def test_only_what_feet_are_lifted_beyond_the_free_height_costs() -> None:
     high = settings.free_lift + torch.tensor([0.02, -0.01, 0.0, 0.03])
     env.simulation.foot_height[:] = high
 
-    weighted = reward.terms(env.simulation, still(env.command), settings, 1.0, env.dt)
+    weighted = reward.terms(env.simulation, still(env.command), settings, FINE, 1.0, env.dt)
 
     assert weighted["foot_lift"].tolist() == pytest.approx([-8.0 * 0.05] * ENVS)
 

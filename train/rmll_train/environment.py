@@ -68,6 +68,7 @@ class GaitEnv(VecEnv):
         self._default = torch.tensor(robot.default_pose, dtype=torch.float32)
         self._one_hot = torch.eye(table.num_states)
         self._noise = _half_widths(self.layout, world.randomisation.noise)
+        self._fine = reward.FineWidths.of(table.commands, world.rewards)
         self._tally = Tally.zeros(self.num_envs)
         self._fixed: Tensor | None = None
         self.failures = 0
@@ -218,7 +219,7 @@ class GaitEnv(VecEnv):
             self.command, taken, self._last_action, self._last_joint_velocity, landed_after
         )
         pressure = self.demands.pressure
-        terms = reward.terms(self.simulation, motion, settings, pressure, self.dt)
+        terms = reward.terms(self.simulation, motion, settings, self._fine, pressure, self.dt)
         walk = reward.walking(terms, settings, pressure, self.dt)
         walk = walk * ~unpaid
         self._dwell_reward = self._dwell_reward + walk

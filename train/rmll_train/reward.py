@@ -1,11 +1,13 @@
 """R_walk of the paper, and how a transition multiplies it."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from rmll_gaits.schedule import least_steps
+from rmll_gaits.table import Commands
 from rmll_train.settings import Rewards
 from rmll_train.simulation import Simulation
 
@@ -17,6 +19,8 @@ SOFT_LIMIT = 0.9
 """Share of the joint range that costs nothing (legged_gym's soft_dof_pos_limit), and of the joint
 speed limit"""
 LEAST_PROMPTNESS = 0.25
+LEAST_SPEED = 0.25
+"""[m/s], [rad/s] that the largest command counts as at least, for the narrow kernels"""
 
 
 @dataclass(frozen=True)
@@ -32,12 +36,31 @@ class Motion:
     """(n, 4) [s] a foot was in the air before it touched down in this step; 0 if it did not"""
 
 
+class FineWidths(NamedTuple):
+    """Of the narrow kernels, for a gait's ranges of commands."""
+
+    vx: float
+    wz: float
+
+    @classmethod
+    def of(cls, commands: Commands, settings: Rewards) -> "FineWidths":
+        """Without ``fine_share`` both are those of the wide kernel."""
+        if not settings.fine_share:
+            return cls(settings.width, settings.width)
+        largest = (max(map(abs, limits)) for limits in (commands.vx, commands.wz))
+        return cls(*((settings.fine_share * max(one, LEAST_SPEED)) ** 2 for one in largest))
+
+
 def terms(
-    simulation: Simulation, motion: Motion, settings: Rewards, pressure: float, dt: float
+    simulation: Simulation,
+    motion: Motion,
+    settings: Rewards,
+    fine: FineWidths,
+    pressure: float,
+    dt: float,
 ) -> dict[str, Tensor]:
     """Weighted terms of R_walk per second, each (n,); the first two are the tracking rewards."""
-    narrowed = max(1.0, pressure) ** 3
-    widths = settings.width / narrowed, settings.fine_width / narrowed
+    wide, narrowed = settings.width, max(1.0, pressure) ** 3
     velocity, spin = simulation.base_velocity, simulation.angular_velocity
     joint_velocity, torque = simulation.joint_velocity, simulation.torque
     acceleration = (motion.last_joint_velocity - joint_velocity) / dt
@@ -48,8 +71,8 @@ def terms(
     moving = (motion.command[:, :2].norm(dim=1) > 0.1).float()
     air_time = ((landed - AIR_TIME_TARGET) * (landed > 0)).sum(1) * moving
     raw = {
-        "velocity_x": _track(wanted - velocity[:, 0], widths),
-        "velocity_yaw": _track(motion.command[:, 1] - spin[:, 2], widths),
+        "velocity_x": _track(wanted - velocity[:, 0], wide, fine.vx, narrowed),
+        "velocity_yaw": _track(motion.command[:, 1] - spin[:, 2], wide, fine.wz, narrowed),
         "velocity_z": velocity[:, 2].square(),
         "velocity_y": velocity[:, 1].square(),
         "angular_velocity_xy": spin[:, :2].square().sum(1),
@@ -84,11 +107,10 @@ def promptness(dwell: Tensor, frequency: Tensor, waited: Tensor) -> Tensor:
     return (due / waited).clamp(LEAST_PROMPTNESS, 1.0)
 
 
-def _track(error: Tensor, widths: tuple[float, float]) -> Tensor:
+def _track(error: Tensor, wide: float, fine: float, narrowed: float) -> Tensor:
     """The mean of a wide kernel, which leads from afar, and a narrow one, for exactness."""
-    square = error.square()
-    wide, fine = ((-square / width).exp() for width in widths)
-    return (wide + fine) / 2
+    square = error.square() * narrowed
+    return ((-square / wide).exp() + (-square / fine).exp()) / 2
 
 
 def _too_fast(simulation: Simulation) -> Tensor:

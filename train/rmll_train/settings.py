@@ -28,10 +28,10 @@ class Rewards:
     """exp(-(c_w - w_z)^2 / width). The paper has 0.5, at which robots sway around their course, and
     a pace that goes fast does not turn; at 1 a half_bound comes later"""
     width: float = 0.25
-    fine_width: float = 0.04
-    """Half of each tracking reward is a kernel of this width instead. With the wide one alone,
-    which is flat where errors are small, a trot is useful after twice the steps. Equal to
-    ``width``: off"""
+    fine_share: float = 0.2
+    """Half of each tracking reward is a narrower kernel, exp(-(error / (share x largest
+    command))^2). With the wide one alone, which is flat where errors are small, a trot is useful
+    after twice the steps. 0 = off"""
     velocity_z: float = -2.0
     angular_velocity_xy: float = -0.05
     torque: float = -0.0002
@@ -273,7 +273,7 @@ def paper(settings: Settings) -> Settings:
     """The paper's observation, rewards and learner; what we added is off."""
     rewards = replace(
         settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0,
-        joint_speed=0.0, fine_width=settings.world.rewards.width, velocity_yaw=0.5,
+        joint_speed=0.0, fine_share=0.0, velocity_yaw=0.5,
         pressure=(1.0, 1.0), strict_above=0.0, promptness=0.0,
     )  # fmt: skip
     randomisation = replace(

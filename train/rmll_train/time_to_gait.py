@@ -41,7 +41,7 @@ WITHOUT: dict[str, dict[str, Any]] = {
     "form": {"world": {"rewards": {"form": "clip"}}},
     "dwell": {"world": {"rewards": {"bonus_on": "step"}}},
     "promptness": {"world": {"rewards": {"promptness": 0.0}}},
-    "fine": {"world": {"rewards": {"fine_width": 0.25}}},
+    "fine": {"world": {"rewards": {"fine_share": 0.0}}},
     "turning": {"world": {"rewards": {"velocity_yaw": 0.5}}},
     "pressure": {"world": {"rewards": {"pressure": [1.0, 1.0]}}},
     "lenience": {"world": {"rewards": {"strict_above": 0.0}}},
