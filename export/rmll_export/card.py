@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rmll_contract.contract import Contract
+from rmll_contract.usefulness import shortfalls
+from rmll_gaits.table import Commands, MachineTable
 
 _WORLDS = {
     "emulator": "Through the daemon in the emulator",
@@ -20,7 +22,7 @@ MEASURED = (
 
 def card(contract: Contract, bundle: str, evaluations: Sequence[Mapping[str, Any]]) -> str:
     """Markdown; ``evaluations`` are what ``rmll-eval gait --json`` printed of this bundle."""
-    origin = contract.provenance
+    origin, commands = contract.provenance, MachineTable.from_dict(contract.table).commands
     where = origin.get("measured", _MEASURED_BEFORE)
     rows = {
         "robot": contract.robot,
@@ -45,7 +47,7 @@ def card(contract: Contract, bundle: str, evaluations: Sequence[Mapping[str, Any
     ]
     for evaluation in evaluations:
         where = _WORLDS[evaluation["world"]]
-        parts += [f"{where} (`{_call(evaluation)}`):\n", _measured(evaluation)]
+        parts += [f"{where} (`{_call(evaluation)}`):\n", _measured(evaluation, commands)]
     return "\n".join(parts)
 
 
@@ -67,7 +69,7 @@ def _call(evaluation: Mapping[str, Any]) -> str:
     return f"rmll-eval gait {evaluation['gait']} {' '.join(flags)}"
 
 
-def _measured(evaluation: Mapping[str, Any]) -> str:
+def _measured(evaluation: Mapping[str, Any], commands: Commands) -> str:
     lines = ["| metric | mean | worst walk |", "|---|---|---|"]
     for name in MEASURED:
         found = evaluation[name]
@@ -75,6 +77,11 @@ def _measured(evaluation: Mapping[str, Any]) -> str:
     lines.append(f"| falls | {evaluation['falls']} of {evaluation['episodes']} | |")
     if evaluation["faults"]:
         lines.append(f"| faults | {evaluation['faults']} of {evaluation['episodes']} | |")
+    if evaluation["ground"] == "flat" and not evaluation["pushes"]:
+        means = {name: evaluation[name]["mean"] for name in MEASURED} | {
+            "falls": evaluation["falls"]
+        }
+        lines.append(f"| useful | {'; '.join(shortfalls(means, commands)) or 'yes'} | |")
     if compared := evaluation["energy_at_the_papers_speeds"]:
         low, high = compared["vx"]
         ours, theirs = _plain(compared["energy_per_metre"]), _plain(compared["paper"])

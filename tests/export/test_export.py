@@ -140,4 +140,10 @@ def test_the_card_tells_what_was_measured_and_by_which_command(tmp_path: Path) -
     assert f"`{command}`" in text
     assert "| adherence | 0.987 | 0.9 |" in text
     assert "| falls | 1 of 20 | |" in text
+    assert "useful" not in text  # of rough ground and pushes nobody says so
+    calm = evaluation | {"ground": "flat", "pushes": False, "falls": 0}
+    assert "| useful | vx error 0.987 m/s" in card(contract, "trot.onnx", [calm])
+    both["mean"] = 0.1
+    calm["adherence"] = {"mean": 0.99, "worst": 0.9}
+    assert "| useful | yes | |" in card(contract, "trot.onnx", [calm])
     assert "| with other code or settings | up to step 5,000 at `abc` |" in text

@@ -7,13 +7,13 @@ import torch
 from tensordict import TensorDict
 from torch import Tensor
 
+from rmll_contract.usefulness import shortfalls
 from rmll_gaits.table import MachineTable
 from rmll_robots import Robot
 from rmll_train.environment import GaitEnv
 from rmll_train.safety_limits import SafetyLimits
 from rmll_train.settings import Ground, World
 from rmll_train.tally import Tally
-from rmll_train.usefulness import shortfalls
 
 ROBOTS = 128
 SECONDS = 10.0

@@ -8,11 +8,11 @@ from rich.live import Live
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from rmll_contract.usefulness import share
 from rmll_gaits.table import Commands
 from rmll_train import training
 from rmll_train.precision import Precision
 from rmll_train.training import Judging
-from rmll_train.usefulness import share
 
 QUIET_SECONDS = 30.0
 """Between two lines without a terminal"""

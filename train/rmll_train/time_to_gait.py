@@ -21,13 +21,13 @@ from rich.table import Table
 from rich.text import Text
 
 from rmll_contract import command
+from rmll_contract.usefulness import ADHERENCE
 from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait
 from rmll_train.evaluation import Judgement
 from rmll_train.provenance import origin
 from rmll_train.settings import Settings, overlaid
 from rmll_train.training import Run
-from rmll_train.usefulness import ADHERENCE
 
 EVERY = 250_000
 """Environment steps between two judgements"""

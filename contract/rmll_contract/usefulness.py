@@ -8,9 +8,10 @@ from collections.abc import Mapping
 from rmll_gaits.table import Commands
 
 ADHERENCE = 0.95
-VX_SHARE, WZ_SHARE = 0.2, 0.4
-"""Of the errors of a robot that stands still: where commands are drawn from -1 to 1, 0.10 m/s and
-0.20 rad/s"""
+VX_SHARE, WZ_SHARE = 0.2, 0.6
+"""Of the errors of a robot that stands still: 0.10 m/s where commands are drawn from -1 to 1"""
+MOST_WZ = 0.2
+"""[rad/s] of error at most, however fast a gait turns: much of it is sway within a step"""
 LEAST_VX, LEAST_WZ = 0.05, 0.1
 """[m/s], [rad/s] of error that are allowed in any case: a gait may have no turns at all"""
 
@@ -32,7 +33,7 @@ def share(error: float, commanded: tuple[float, float]) -> float:
 def shortfalls(metrics: Mapping[str, float], commands: Commands) -> list[str]:
     """What keeps a policy with these metrics from being useful, in words; empty if it is."""
     vx = max(VX_SHARE * standing_error(commands.vx), LEAST_VX)
-    wz = max(WZ_SHARE * standing_error(commands.wz), LEAST_WZ)
+    wz = min(max(WZ_SHARE * standing_error(commands.wz), LEAST_WZ), MOST_WZ)
     # written so that NaN falls short
     checks = (
         (metrics["adherence"] >= ADHERENCE,

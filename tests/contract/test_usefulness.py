@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from rmll_contract.usefulness import share, shortfalls, standing_error
 from rmll_gaits.table import Commands
-from rmll_train.usefulness import share, shortfalls, standing_error
 
 FULL = Commands(vx=(-1.0, 1.0), wz=(-1.0, 1.0), frequency=(6.0, 12.0))
 GOOD = {"adherence": 0.96, "vx_error": 0.09, "wz_error": 0.19, "falls": 0.0}
