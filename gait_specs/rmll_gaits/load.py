@@ -27,10 +27,15 @@ def load_spec(gait: str | Path) -> GaitSpec:
     if name in library_names():
         return read_spec((_library() / f"{name}{_SUFFIX}").read_text("utf-8"), f"{name}{_SUFFIX}")
     path = Path(gait)
-    if path.suffix not in (_SUFFIX, ".yml"):
+    if not is_gait_file(path):
         known = ", ".join(library_names())
         raise InputError(f"no gait {name!r}, expected one of {known}, or a {_SUFFIX} file")
     return read_spec(read_text(path), name)
+
+
+def is_gait_file(gait: str | Path) -> bool:
+    """Whether a gait is named by its file, which need not be there."""
+    return Path(gait).suffix in (_SUFFIX, ".yml")
 
 
 def library_names() -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 from rmll_gaits.errors import InputError
 from rmll_onboard.a1_wire import JOINTS, LOW_CMD, SLOTS
 from rmll_onboard.about import versions
-from rmll_onboard.bundle import Bundle
+from rmll_onboard.bundle import Bundle, load_bundle
 from rmll_onboard.daemon import Daemon
 from rmll_onboard.flight_log import FlightLog
 from rmll_onboard.pilot import Orders
@@ -108,12 +108,25 @@ def replay(log: FlightLog, bundle: Bundle, progress: Callable[[int], None]) -> R
     return found
 
 
-def find_bundle(log: FlightLog, policies: Path) -> Path:
-    """The gait's shipped bundle; raises InputError if there is none."""
-    path = policies / f"{log.about.gait}.onnx"
+def find_bundle(log: FlightLog, policies: Path) -> Bundle:
+    """The gait's shipped bundle, if it is the one that the log was recorded with.
+
+    Raises InputError if it is another one, or if there is none: a bundle of the same name does not
+    stand in for that of the walk.
+    """
+    about = log.about
+    path = policies / f"{about.gait}.onnx"
     if not path.is_file():
         raise InputError(f"{path}: no such bundle; name the one to replay with by --policy")
-    return path
+    bundle = load_bundle(path)
+    if bundle.contract.digest != about.digest:
+        rules = about.machine_table().rules == bundle.table.rules
+        raise InputError(
+            f"{log.source}: recorded with {about.policy} {about.digest[:12]}, but {path} is "
+            f"{bundle.contract.digest[:12]}, of {'the same' if rules else 'other'} rules; "
+            "name the one to replay with by --policy"
+        )
+    return bundle
 
 
 def _differs(found: Replay, tick: Tick, answer: bytes, mode: Mode, joints: Sequence[str]) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
+from rich.text import Text
 
 from rmll_gaits.errors import Failure
 from rmll_hil.replay import Difference, Replay, find_bundle, replay
@@ -20,8 +21,10 @@ SHOWN = 12
 def replay_command(log: Path, policy: Path | None, policies: Path, print_json: bool) -> None:
     """Arguments as the command's. Raises Failure, after all is printed, unless all is the same."""
     flight = FlightLog(log)
-    bundle = load_bundle(policy or find_bundle(flight, policies))
+    bundle = load_bundle(policy) if policy else find_bundle(flight, policies)
     messages = Console(stderr=True)
+    why = f"{policy}, as named" if policy else f"{bundle.source}, the shipped one, as recorded"
+    messages.print(Text(f"bundle: {why}"), soft_wrap=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} ticks"))
     with Progress(*columns, console=messages, transient=True) as bar:
         task = bar.add_task("replay", total=None)

@@ -17,7 +17,7 @@ from rmll_gaits.errors import InputError
 from rmll_hil import lockstep
 from rmll_hil.can_robot import CanRobot
 from rmll_hil.emulator import Emulator
-from rmll_hil.replay import differences, replay
+from rmll_hil.replay import differences, find_bundle, replay
 from rmll_onboard.a1_wire import MotorCommand, decode_command, encode_command
 from rmll_onboard.about import describe
 from rmll_onboard.bundle import load_bundle
@@ -225,3 +225,17 @@ def test_the_command_says_what_differs(walked, about, standing, tmp_path):
     done = command("log.mcap", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("rmll-hil: policies/trot.onnx: no such bundle; name the one")
+
+
+def test_the_shipped_bundle_stands_in_for_no_other(walked, about, tmp_path):
+    log = write(tmp_path / "log.mcap", about, walked[:5])
+    complaint = (
+        rf"log\.mcap: recorded with standing\.onnx {about.digest[:12]}, but .*trot\.onnx is "
+        r"[0-9a-f]{12}, of the same rules; name the one to replay with by --policy"
+    )
+    with pytest.raises(InputError, match=complaint):
+        find_bundle(log, TROT.parent)
+    shipped = load_bundle(TROT)
+    as_shipped = msgspec.structs.replace(about, digest=shipped.contract.digest)
+    log = write(tmp_path / "shipped.mcap", as_shipped, walked[:5])
+    assert find_bundle(log, TROT.parent).contract == shipped.contract
