@@ -16,7 +16,7 @@ from rmll_eval.conformance import conformance as judge
 from rmll_gaits.errors import InputError
 from rmll_gaits.table import MachineTable
 from rmll_hil import results
-from rmll_onboard.flight_log import FlightLog
+from rmll_onboard.flight_log import FlightLog, missing
 from rmll_view.contacts import contact_figure
 
 SHOWN = 6
@@ -48,9 +48,12 @@ def conformance(
     found = walks(flight)
     judged = judge(found, table)
     if json:
-        print(dumps(asdict(judged)))
+        gaps = [asdict(gap) for gap in flight.gaps]
+        print(dumps(asdict(judged) | {"gaps": gaps, "lost": flight.lost}))
     else:
         _show(judged)
+        for line in missing(flight.gaps, flight.lost):
+            print(line)
     target = out or results.folder(None, f"{table.gait}-conformance") / "conformance.png"
     _picture(target, max(found, key=lambda walk: len(walk.times)), table, judged)
     print(target, file=sys.stderr)
