@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from rmll_contract.output import output_file
 from rmll_eval.conformance import Conformance, Walk, walks
 from rmll_eval.conformance import conformance as judge
-from rmll_gaits.errors import InputError
 from rmll_gaits.table import MachineTable
 from rmll_hil import results
 from rmll_onboard.flight_log import FlightLog, missing
@@ -39,10 +39,10 @@ def conformance(
     Args:
         log: The .mcap file.
         json: Print one JSON object.
-        out: Picture to write, contacts over states; a new file in hil-runs/ by default.
+        out: Picture to write, contacts over states, or a folder for it; a new file in hil-runs/
+            by default.
     """
-    if out is not None and (out.suffix != ".png" or not out.parent.is_dir()):
-        raise InputError(f"--out {out}: expected a .png file in a folder that exists")
+    out = out and output_file("--out", out, "conformance.png", ".png")
     flight = FlightLog(log)
     table = flight.about.machine_table()
     found = walks(flight)

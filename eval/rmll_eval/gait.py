@@ -12,6 +12,7 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from rmll_contract.output import output_file
 from rmll_eval import emulated, policy
 from rmll_eval.conditions import Conditions
 from rmll_eval.evaluation import Evaluation
@@ -71,7 +72,7 @@ def gait(
         policies: Where the shipped bundles are.
         jobs: Emulators at a time; as many as there are processors by default.
         json: Print one JSON object.
-        out: Picture of the grid to write; a new file in hil-runs/ by default.
+        out: Picture of the grid to write, or a folder for it; a new file in hil-runs/ by default.
     """
     as_grid = episodes is None
     if seconds is None:
@@ -82,8 +83,7 @@ def gait(
     if not as_grid and (speeds or frequencies or out or repeats != 1):
         raise InputError("--episodes draws commands: it has no grid to shape, repeat or picture")
     emulated.settings(conditions, seed)
-    if out is not None and (out.suffix != ".png" or not out.parent.is_dir()):
-        raise InputError(f"--out {out}: expected a .png file in a folder that exists")
+    out = out and output_file("--out", out, "grid.png", ".png")
     with tempfile.TemporaryDirectory(prefix="rmll-eval-") as scratch:
         found = policy.find(name, run, runs, policies, Path(scratch))
         if found.told:

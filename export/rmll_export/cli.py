@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import tyro
 
 from rmll_contract import command
+from rmll_contract.output import output_file
 from rmll_export.bundle import export
 from rmll_export.card import MEASURED
 from rmll_export.card import card as write_card
@@ -46,7 +47,7 @@ def _export(
         out: file to write, or folder for it; GAIT.onnx in this folder by default.
         runs: where rmll-train puts its runs.
         policies: where the shipped checkpoints are.
-        card: also write the policy's card, in Markdown, to this file.
+        card: also write the policy's card, in Markdown, to this file, or GAIT.md in this folder.
         evaluations: what rmll-eval gait --json printed, to be shown on the card.
         json: print one JSON object.
     """
@@ -56,9 +57,10 @@ def _export(
     chosen = _chosen(gait, checkpoint, runs, policies)
     source = chosen.checkpoint
     trained = read(source)
-    target = out or Path(f"{trained.contract.gait}.onnx")
-    if not target.parent.is_dir():
-        raise InputError(f"{target}: its folder does not exist")
+    held = trained.contract.gait
+    target = output_file("--out", out or Path(), f"{held}.onnx")
+    card = card and output_file("--card", card, f"{held}.md")
+    print(chosen.told(), file=sys.stderr)
     measured = [_evaluation(path) for path in evaluations]
     difference = export(trained, target)
     if card is not None:
@@ -68,12 +70,11 @@ def _export(
         "checkpoint": str(source),
         "why": chosen.why,
         "passed_over": chosen.passed_over,
-        "gait": trained.contract.gait,
+        "gait": held,
         "steps": trained.contract.provenance.get("steps"),
         "difference_from_learner": difference,
         "bytes": target.stat().st_size,
     }
-    print(chosen.told(), file=sys.stderr)
     if json:
         print(dumps(report))
     else:
@@ -97,7 +98,9 @@ def _chosen(gait: str, checkpoint: Path | None, runs: Path, policies: Path) -> C
 def _evaluation(path: Path) -> dict[str, Any]:
     try:
         found = loads(path.read_text())
-    except (OSError, UnicodeDecodeError, JSONDecodeError) as error:
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, JSONDecodeError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
     if not isinstance(found, dict) or not {*MEASURED, "world", "ground"} <= found.keys():
         raise InputError(f"{path}: not what rmll-eval gait --json prints")

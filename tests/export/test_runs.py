@@ -142,6 +142,23 @@ def test_the_command_says_what_it_took_and_what_it_passed_over(run, own_trot, tm
     assert (report["why"], len(report["passed_over"])) == ("shipped", 1)
 
 
+def test_a_folder_takes_the_bundle_under_its_own_name(tmp_path):
+    folder = tmp_path / "bundles"
+    folder.mkdir()
+    done = export("trot", "--out", folder, "--card", folder, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in folder.iterdir()} == {"trot.onnx", "trot.md"}
+    (tmp_path / "taken" / "trot.onnx").mkdir(parents=True)
+    for bad, complaint in (
+        ("taken", "--out taken: taken/trot.onnx is a folder"),
+        ("no/x.onnx", "--out no/x.onnx: expected a file in a folder that exists"),
+    ):
+        done = export("trot", "--out", bad, cwd=tmp_path)
+        assert (done.returncode, done.stderr) == (2, f"rmll-export: {complaint}\n")
+    assert not list(tmp_path.glob("**/*.partial"))
+    assert not list((tmp_path / "taken" / "trot.onnx").iterdir())
+
+
 @pytest.mark.parametrize(
     ("flags", "complaint"),
     [
