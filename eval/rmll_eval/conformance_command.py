@@ -11,12 +11,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from rmll_contract.output import output_file
 from rmll_eval.conformance import Conformance, Walk, walks
 from rmll_eval.conformance import conformance as judge
-from rmll_gaits.errors import InputError
 from rmll_gaits.table import MachineTable
 from rmll_hil import results
-from rmll_onboard.flight_log import FlightLog
+from rmll_onboard.flight_log import FlightLog, missing
 from rmll_view.contacts import contact_figure
 
 SHOWN = 6
@@ -39,18 +39,21 @@ def conformance(
     Args:
         log: The .mcap file.
         json: Print one JSON object.
-        out: Picture to write, contacts over states; a new file in hil-runs/ by default.
+        out: Picture to write, contacts over states, or a folder for it; a new file in hil-runs/
+            by default.
     """
-    if out is not None and (out.suffix != ".png" or not out.parent.is_dir()):
-        raise InputError(f"--out {out}: expected a .png file in a folder that exists")
+    out = out and output_file("--out", out, "conformance.png", ".png")
     flight = FlightLog(log)
     table = flight.about.machine_table()
     found = walks(flight)
     judged = judge(found, table)
     if json:
-        print(dumps(asdict(judged)))
+        gaps = [asdict(gap) for gap in flight.gaps]
+        print(dumps(asdict(judged) | {"gaps": gaps, "lost": flight.lost}))
     else:
         _show(judged)
+        for line in missing(flight.gaps, flight.lost):
+            print(line)
     target = out or results.folder(None, f"{table.gait}-conformance") / "conformance.png"
     _picture(target, max(found, key=lambda walk: len(walk.times)), table, judged)
     print(target, file=sys.stderr)

@@ -12,6 +12,7 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from rmll_contract.output import output_file
 from rmll_eval import emulated, policy
 from rmll_eval.conditions import Conditions
 from rmll_eval.evaluation import Evaluation
@@ -56,7 +57,7 @@ def gait(
     Example: rmll-eval gait trot --episodes 20 --ground rough --level 5 --pushes
 
     Args:
-        name: A gait, a bundle (.onnx) or a checkpoint (.safetensors).
+        name: A gait (a name or a gait file), a bundle (.onnx) or a checkpoint (.safetensors).
         world: "emulator" is nearest to the robot; "trainer" has the noise and robots of
             training, and counts every early end of an episode as a fall.
         conditions: What makes walking harder.
@@ -66,12 +67,12 @@ def gait(
         episodes: Walk that often with random commands instead of over the grid.
         seconds: Length of a walk; 6 on the grid, 20 with --episodes by default.
         seed: Of the commands and the worlds.
-        run: Take the newest finished run of the gait instead of the shipped policy.
+        run: Take the newest finished run of the gait's rules instead of the shipped policy.
         runs: Where rmll-train puts its runs.
         policies: Where the shipped bundles are.
         jobs: Emulators at a time; as many as there are processors by default.
         json: Print one JSON object.
-        out: Picture of the grid to write; a new file in hil-runs/ by default.
+        out: Picture of the grid to write, or a folder for it; a new file in hil-runs/ by default.
     """
     as_grid = episodes is None
     if seconds is None:
@@ -82,20 +83,23 @@ def gait(
     if not as_grid and (speeds or frequencies or out or repeats != 1):
         raise InputError("--episodes draws commands: it has no grid to shape, repeat or picture")
     emulated.settings(conditions, seed)
-    if out is not None and (out.suffix != ".png" or not out.parent.is_dir()):
-        raise InputError(f"--out {out}: expected a .png file in a folder that exists")
+    out = out and output_file("--out", out, "grid.png", ".png")
     with tempfile.TemporaryDirectory(prefix="rmll-eval-") as scratch:
-        path, source = policy.find(name, run, runs, policies, Path(scratch))
-        bundle = load_bundle(path)
+        found = policy.find(name, run, runs, policies, Path(scratch))
+        if found.told:
+            print(found.told, file=sys.stderr)
+        bundle = load_bundle(found.bundle)
         prove(bundle)
         commands = bundle.table.commands
         if episodes is None:
             trials = grid(commands, speeds, frequencies, repeats, seed)
         else:
             trials = draw(commands, episodes, seed)
-        walks = list(_followed(_walks(world, path, trials, seconds, conditions, jobs), len(trials)))
+        walks = list(
+            _followed(_walks(world, found.bundle, trials, seconds, conditions, jobs), len(trials))
+        )
     evaluation = Evaluation(
-        bundle.contract.gait, str(source), world, seconds, seed, conditions, walks
+        bundle.contract.gait, str(found.source), world, seconds, seed, conditions, walks
     )
     if json:
         print(dumps(evaluation.to_dict()))

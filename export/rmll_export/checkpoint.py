@@ -1,11 +1,15 @@
-"""Finding and reading a trained policy: weights in safetensors, the contract in its header.
+"""Reading a trained policy: weights in safetensors, the contract in its header.
 
 Needs neither torch nor the trainer.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
@@ -48,45 +52,20 @@ class Checkpoint:
     probe_action: Weights
 
 
-def find(gait: str, runs: Path, shipped: Path) -> Path:
-    """The newest finished run of ``gait``, else its shipped checkpoint; InputError if neither."""
-    if newest := newest_run(gait, runs):
-        return newest
-    path = shipped / f"{gait}.safetensors"
-    if path.is_file():
-        return path
-    names = {path.stem for path in shipped.glob("*.safetensors")}
-    names |= {path.name for path in runs.glob("*")}
-    raise InputError(
-        f"no finished run of {gait!r} in {runs}/ and no {path}; "
-        f"there is: {', '.join(sorted(names)) or 'none'}"
-    )
+class Origin(msgspec.Struct, frozen=True):
+    """The part of a contract that tells which policy this is."""
 
-
-def newest_run(gait: str, runs: Path) -> Path | None:
-    """The policy of the newest finished run of ``gait``, None without one."""
-    finished = sorted(
-        (result.stat().st_mtime, result.with_name("policy.safetensors"))
-        for result in (runs / gait).glob("*/result.yaml")
-    )
-    return finished[-1][1] if finished else None
+    gait: str
+    table: dict[str, Any]
+    provenance: dict[str, Any]
 
 
 def read(path: Path) -> Checkpoint:
     """Raises InputError in one line for a file that is missing or no checkpoint."""
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path}: larger than {MAX_BYTES >> 20} MB, not a checkpoint")
-        with safe_open(path, framework="numpy") as file:
-            metadata = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except SafetensorError as error:
-        raise InputError(f"{path}: not a safetensors file: {error}") from error
-    if contracts.KEY not in metadata:
-        raise InputError(f"{path}: not a checkpoint of rmll-train: no {contracts.KEY!r} header")
-    contract = contracts.decode(metadata[contracts.KEY], path.name)
+    with _opened(path) as file:
+        header = _header(file, path)
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    contract = contracts.decode(header, path.name)
     try:
         return Checkpoint(
             path,
@@ -98,6 +77,36 @@ def read(path: Path) -> Checkpoint:
         )
     except KeyError as error:
         raise InputError(f"{path}: tensor {error} is missing") from error
+
+
+def origin(path: Path) -> Origin:
+    """What a checkpoint says about itself, without its weights; errors as :func:`read`."""
+    with _opened(path) as file:
+        header = _header(file, path)
+    try:
+        return msgspec.json.decode(header, type=Origin)
+    except msgspec.DecodeError as error:
+        raise InputError(f"{path}: the contract cannot be read: {error}") from error
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"{path}: larger than {MAX_BYTES >> 20} MB, not a checkpoint")
+        with safe_open(path, framework="numpy") as file:
+            yield file
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    except SafetensorError as error:
+        raise InputError(f"{path}: not a safetensors file: {error}") from error
+
+
+def _header(file: Any, path: Path) -> str:
+    metadata = file.metadata() or {}
+    if contracts.KEY not in metadata:
+        raise InputError(f"{path}: not a checkpoint of rmll-train: no {contracts.KEY!r} header")
+    return metadata[contracts.KEY]
 
 
 def _layers(tensors: dict[str, Weights], name: str) -> Layers:

@@ -1,14 +1,19 @@
 """The ``rmll-export`` command."""
 
+import sys
 from json import JSONDecodeError, dumps, loads
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import tyro
 
 from rmll_contract import command
+from rmll_contract.output import output_file
 from rmll_export.bundle import export
 from rmll_export.card import MEASURED
 from rmll_export.card import card as write_card
-from rmll_export.checkpoint import find, read
+from rmll_export.checkpoint import read
+from rmll_export.runs import Choice, as_named, choose
 from rmll_gaits.errors import InputError
 
 
@@ -17,6 +22,8 @@ def main() -> None:
 
 
 def _export(
+    name: Annotated[str, tyro.conf.Positional] = "",
+    *,
     gait: str = "",
     checkpoint: Path | None = None,
     out: Path | None = None,
@@ -28,28 +35,32 @@ def _export(
 ) -> None:
     """Export a trained gait as one bundle, and prove it against the learner's network.
 
-    Takes the newest finished run of the gait, else the shipped checkpoint.
-    Example: rmll-export --gait trot          (writes trot.onnx)
+    Takes the gait's newest finished run, else its shipped checkpoint, else its newest run; a run
+    counts if its rules are the gait's. What was taken and what was passed over is told on stderr.
+    Example: rmll-export trot          (writes trot.onnx)
 
     Args:
-        gait: name of the gait.
-        checkpoint: a policy.safetensors to export instead.
-        out: file to write; GAIT.onnx in this folder by default.
+        name: a gait of the library, a gait file, what a gait from a file is called, or a run's
+            folder.
+        gait: the same, as a flag.
+        checkpoint: a policy.safetensors to export instead; with a gait it has to be of its name.
+        out: file to write, or folder for it; GAIT.onnx in this folder by default.
         runs: where rmll-train puts its runs.
         policies: where the shipped checkpoints are.
-        card: also write the policy's card, in Markdown, to this file.
+        card: also write the policy's card, in Markdown, to this file, or GAIT.md in this folder.
         evaluations: what rmll-eval gait --json printed, to be shown on the card.
         json: print one JSON object.
     """
-    if not gait and checkpoint is None:
-        raise InputError("name a gait (--gait trot) or a file (--checkpoint policy.safetensors)")
-    source = checkpoint or find(gait, runs, policies)
+    if name and gait and name != gait:
+        raise InputError(f"two gaits, {name} and --gait {gait}: name one")
+    gait = name or gait
+    chosen = _chosen(gait, checkpoint, runs, policies)
+    source = chosen.checkpoint
     trained = read(source)
-    if gait and trained.contract.gait != gait:
-        raise InputError(f"{source}: holds gait {trained.contract.gait!r}, expected {gait!r}")
-    target = out or Path(f"{trained.contract.gait}.onnx")
-    if not target.parent.is_dir():
-        raise InputError(f"{target}: its folder does not exist")
+    held = trained.contract.gait
+    target = output_file("--out", out or Path(), f"{held}.onnx")
+    card = card and output_file("--card", card, f"{held}.md")
+    print(chosen.told(), file=sys.stderr)
     measured = [_evaluation(path) for path in evaluations]
     difference = export(trained, target)
     if card is not None:
@@ -57,7 +68,9 @@ def _export(
     report = {
         "bundle": str(target),
         "checkpoint": str(source),
-        "gait": trained.contract.gait,
+        "why": chosen.why,
+        "passed_over": chosen.passed_over,
+        "gait": held,
         "steps": trained.contract.provenance.get("steps"),
         "difference_from_learner": difference,
         "bytes": target.stat().st_size,
@@ -71,10 +84,23 @@ def _export(
         )
 
 
+def _chosen(gait: str, checkpoint: Path | None, runs: Path, policies: Path) -> Choice:
+    """The checkpoint that is named, which has to be of the gait that is named beside it."""
+    if checkpoint is None:
+        if not gait:
+            raise InputError(
+                "name a gait (rmll-export trot) or a file (--checkpoint policy.safetensors)"
+            )
+        return choose(gait, runs, policies)
+    return as_named(checkpoint, gait)
+
+
 def _evaluation(path: Path) -> dict[str, Any]:
     try:
         found = loads(path.read_text())
-    except (OSError, UnicodeDecodeError, JSONDecodeError) as error:
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, JSONDecodeError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
     if not isinstance(found, dict) or not {*MEASURED, "world", "ground"} <= found.keys():
         raise InputError(f"{path}: not what rmll-eval gait --json prints")

@@ -5,7 +5,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from rmll_gaits.compile import compile_gait
-from rmll_gaits.document import MAX_CHARACTERS
+from rmll_gaits.document import read_text
 from rmll_gaits.errors import InputError
 from rmll_gaits.spec import GaitSpec, read_spec
 from rmll_gaits.table import MachineTable
@@ -32,10 +32,15 @@ def load_text(gait: str | Path) -> tuple[str, str]:
     if name in library_names():
         return (_library() / f"{name}{_SUFFIX}").read_text("utf-8"), f"{name}{_SUFFIX}"
     path = Path(gait)
-    if path.suffix not in (_SUFFIX, ".yml"):
+    if not is_gait_file(path):
         known = ", ".join(library_names())
         raise InputError(f"no gait {name!r}, expected one of {known}, or a {_SUFFIX} file")
-    return _read(path), name
+    return read_text(path), name
+
+
+def is_gait_file(gait: str | Path) -> bool:
+    """Whether a gait is named by its file, which need not be there."""
+    return Path(gait).suffix in (_SUFFIX, ".yml")
 
 
 def library_names() -> tuple[str, ...]:
@@ -46,14 +51,3 @@ def library_names() -> tuple[str, ...]:
 
 def _library() -> Traversable:
     return resources.files("rmll_gaits.library")
-
-
-def _read(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            # One byte more than any file may have, in UTF-8; the reader refuses what is too long.
-            return file.read(4 * MAX_CHARACTERS + 1).decode("utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text in UTF-8: {error.reason}") from error

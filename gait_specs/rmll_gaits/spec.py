@@ -143,7 +143,7 @@ def _pose(value: Value, to: str) -> Edge:
 
 
 def _states(value: Value) -> tuple[State, ...]:
-    entries = value.mapping()
+    entries = value.mapping(names=True)
     if not 0 < len(entries) < MAX_STATES:
         raise value.error(f"{len(entries)} states, expected 1 to {MAX_STATES - 1}")
     for name in entries:

@@ -3,6 +3,8 @@
 This one table trains the policy, travels in the bundle, steers the robot and judges logs.
 """
 
+import hashlib
+import json
 import math
 import operator
 from dataclasses import dataclass, fields
@@ -106,6 +108,16 @@ class MachineTable:
     @property
     def num_states(self) -> int:
         return len(self.states)
+
+    @property
+    def rules(self) -> str:
+        """Digest of the rules: gaits that have it in common are one gait, whatever they are called.
+
+        Everything counts but names: the gait's, those of its states, its description. A policy sees
+        its states by their order, and was trained within the ranges of its commands.
+        """
+        rules = self.to_dict() | {"gait": "", "states": self.num_states}
+        return hashlib.sha256(json.dumps(rules, sort_keys=True).encode()).hexdigest()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain lists and numbers, exact, for JSON."""

@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from rmll_contract import command
+from rmll_contract.output import output_file
 from rmll_gaits.errors import InputError
 from rmll_hil.can_robot import CanRobot
 from rmll_hil.emulator import Emulator, Settings
@@ -46,10 +47,11 @@ def serve_command(
         reply: "stream" sends states at 500 Hz from the first command on, "echo" one a command.
         link: What it speaks; host, port and reply are those of udp.
         settings: The daemon's settings file, for its section can.
-        log: Write the true motion to this .npz file at the end.
+        log: Write the true motion to this .npz file at the end, or to truth.npz in this folder.
         faults: YAML file with a fault plan: what goes wrong, and when.
     """
     plan = load_plan(faults, A1) if faults else ()
+    log = log and output_file("--log", log, "truth.npz", ".npz")
     stop = Stop().on_signals()
     if link == "can":
         _serve_can(robot, load_settings(settings).can, plan, stop, log)
@@ -167,7 +169,7 @@ def faults_command(
         policy: The bundle that walks.
         only: Names of faults; all by default.
         jobs: How many at a time; more than one blurs the times.
-        out: Write the table to this Markdown file.
+        out: Write the table to this Markdown file, or to faults.md in this folder.
         json: Print the table as one JSON object.
     """
     from rmll_hil.fault_command import faults

@@ -6,6 +6,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from rmll_contract.output import output_file
 from rmll_gaits.errors import Failure, InputError
 from rmll_hil.fault_rows import ROWS, Row
 from rmll_hil.fault_table import Result, markdown, provoke
@@ -18,6 +19,7 @@ def faults(
 ) -> None:
     """Arguments as the command's. Raises Failure, after all is printed, for a wrong reaction."""
     rows = _chosen(only)
+    out = out and output_file("--out", out, "faults.md")
     if not 1 <= jobs <= 16:
         raise InputError(f"--jobs {jobs}: expected 1 to 16")
     bundle = load_bundle(policy)

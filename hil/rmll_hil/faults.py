@@ -10,17 +10,17 @@ clock (which starts with the first command) and lasts ``seconds``, or to the end
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
-import yaml
 from msgspec import Meta
 
-from rmll_gaits.errors import InputError
+from rmll_contract import typed_yaml
+from rmll_gaits import document
+from rmll_gaits.document import Value
 from rmll_onboard.remote import Button
 from rmll_robots import Robot
 
-MAX_BYTES = 100_000
 MAX_FAULTS = 1000
 
 Share = Annotated[float, Meta(ge=0, le=1)]
@@ -185,49 +185,35 @@ KINDS: dict[str, type[Fault]] = {_snake_case(kind.__name__): kind for kind in ge
 
 def load_plan(path: Path, robot: Robot) -> Plan:
     """Read and check a fault plan; raises InputError for whatever is wrong with it."""
-    try:
-        with path.open("rb") as file:
-            text = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
-    if len(text) > MAX_BYTES:
-        raise InputError(f"{path}: larger than {MAX_BYTES} bytes, not a fault plan")
-    try:
-        plain = yaml.safe_load(text)
-    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: {' '.join(str(error).split())}") from error
-    try:
-        return parse_plan(plain, robot)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+    return read_plan(document.read_text(path), str(path), robot)
 
 
-def parse_plan(plain: object, robot: Robot) -> Plan:
+def parse_plan(plain: list[dict[str, Any]], robot: Robot) -> Plan:
     """The plan that plain lists and dictionaries stand for; raises InputError."""
-    plain = [] if plain is None else plain
-    if not isinstance(plain, list) or len(plain) > MAX_FAULTS:
-        raise InputError(f"expected a list of at most {MAX_FAULTS} faults")
-    return tuple(_fault(entry, f"fault {count}", robot) for count, entry in enumerate(plain, 1))
+    return read_plan(typed_yaml.dump(plain), "plan", robot)
 
 
-def _fault(entry: object, where: str, robot: Robot) -> AnyFault:
-    kind = entry.get("fault") if isinstance(entry, dict) else None
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise InputError(f"{where}: fault is {kind!r}, expected one of {', '.join(KINDS)}")
-    try:
-        fault = msgspec.convert(entry, AnyFault)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{where} ({kind}): {error}") from error
-    wrong = {
-        "joint": (set(_listed(fault, "joint")), robot.joint_names),
-        "foot": (set(_listed(fault, "foot")), robot.foot_names),
-        "button": (set(_listed(fault, "buttons")), tuple(Button.__members__)),
-    }
-    for name, (found, known) in wrong.items():
-        if strange := found - set(known):
-            raise InputError(
-                f"{where} ({kind}): {name} {min(strange)!r}, expected one of {', '.join(known)}"
-            )
+def read_plan(text: str, source: str, robot: Robot) -> Plan:
+    """The plan in a YAML text, which errors call ``source``; raises InputError."""
+    value = document.parse(text, source)
+    entries = [] if value is None else value.items(0, MAX_FAULTS)
+    return tuple(_fault(entry, robot) for entry in entries)
+
+
+def _fault(value: Value, robot: Robot) -> AnyFault:
+    if "fault" not in (entries := value.mapping()):
+        raise value.error(f"key 'fault' is missing, one of {', '.join(KINDS)}")
+    kind = KINDS.get(name := entries["fault"].text())
+    if kind is None:
+        raise entries["fault"].error(f"unknown fault {name!r}, expected one of {', '.join(KINDS)}")
+    fault = typed_yaml.convert(value, kind)
+    for key, known in {
+        "joint": robot.joint_names,
+        "foot": robot.foot_names,
+        "buttons": tuple(Button.__members__),
+    }.items():
+        if strange := set(_listed(fault, key)) - set(known):
+            raise entries[key].error(f"found {min(strange)!r}, expected one of {', '.join(known)}")
     return fault
 
 

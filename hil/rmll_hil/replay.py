@@ -9,9 +9,9 @@ import numpy as np
 from rmll_gaits.errors import InputError
 from rmll_onboard.a1_wire import JOINTS, LOW_CMD, SLOTS
 from rmll_onboard.about import versions
-from rmll_onboard.bundle import Bundle
+from rmll_onboard.bundle import Bundle, load_bundle
 from rmll_onboard.daemon import Daemon
-from rmll_onboard.flight_log import FlightLog
+from rmll_onboard.flight_log import FlightLog, Gap
 from rmll_onboard.pilot import Orders
 from rmll_onboard.remote import Remote
 from rmll_onboard.supervisor import NS, Mode
@@ -68,6 +68,11 @@ class Replay:
     """[rad] of differing targets; infinite if anything else differs"""
     missing: int | None = None
     """Tick that the log lacks: there the replay ends"""
+    not_compared: int = 0
+    """Ticks after it. What the daemon had come to by then is not known"""
+    gaps: list[Gap] = field(default_factory=list)
+    lost: int | None = None
+    """Messages that were damaged; None if the log does not tell"""
     complete: bool = True
     """The log has its proper end, it was not cut short"""
     remarks: list[str] = field(default_factory=list)
@@ -88,9 +93,11 @@ def replay(log: FlightLog, bundle: Bundle, progress: Callable[[int], None]) -> R
     found = Replay(remarks=_remarks(log, bundle))
     began = None
     for tick in log.ticks():
-        if tick.number != found.ticks:
+        if found.missing is None and tick.number != found.ticks:
             found.missing = found.ticks
-            break
+        if found.missing is not None:
+            found.not_compared += 1
+            continue
         began = tick.now if began is None else began
         pilot.wanted = Orders(tick.request, tick.command)
         pilot.by_remote = tick.by_remote
@@ -101,18 +108,32 @@ def replay(log: FlightLog, bundle: Bundle, progress: Callable[[int], None]) -> R
         if answer != tick.answer:
             _differs(found, tick, answer, daemon.mode, bundle.robot.joint_names)
         progress(found.ticks)
-    else:
-        found.complete = log.complete
+    found.complete, found.gaps, found.lost = log.complete, log.gaps, log.lost
+    if found.missing is None and log.gaps:  # nothing follows it
+        found.missing = log.gaps[0].first
     if began is None and found.missing is None:
         raise InputError(f"{log.source}: no tick in it")
     return found
 
 
 def find_bundle(log: FlightLog, policies: Path) -> Path:
-    """The gait's shipped bundle; raises InputError if there is none."""
-    path = policies / f"{log.about.gait}.onnx"
+    """The gait's shipped bundle, if it is the one that the log was recorded with.
+
+    Raises InputError if it is another one, or if there is none: a bundle of the same name does not
+    stand in for that of the walk.
+    """
+    about = log.about
+    path = policies / f"{about.gait}.onnx"
     if not path.is_file():
         raise InputError(f"{path}: no such bundle; name the one to replay with by --policy")
+    bundle = load_bundle(path)
+    if bundle.contract.digest != about.digest:
+        rules = about.machine_table().rules == bundle.table.rules
+        raise InputError(
+            f"{log.source}: recorded with {about.policy} {about.digest[:12]}, but {path} is "
+            f"{bundle.contract.digest[:12]}, of {'the same' if rules else 'other'} rules; "
+            "name the one to replay with by --policy"
+        )
     return path
 
 

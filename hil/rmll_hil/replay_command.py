@@ -7,11 +7,12 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
+from rich.text import Text
 
 from rmll_gaits.errors import Failure
 from rmll_hil.replay import Difference, Replay, find_bundle, replay
 from rmll_onboard.bundle import load_bundle
-from rmll_onboard.flight_log import FlightLog
+from rmll_onboard.flight_log import FlightLog, missing
 
 SHOWN = 12
 """Fields of a difference that are shown; --json has them all"""
@@ -20,8 +21,11 @@ SHOWN = 12
 def replay_command(log: Path, policy: Path | None, policies: Path, print_json: bool) -> None:
     """Arguments as the command's. Raises Failure, after all is printed, unless all is the same."""
     flight = FlightLog(log)
-    bundle = load_bundle(policy or find_bundle(flight, policies))
+    path = policy or find_bundle(flight, policies)
+    bundle = load_bundle(path)
     messages = Console(stderr=True)
+    why = "as named" if policy else "the shipped one, with which it was recorded"
+    messages.print(Text(f"taken: {path}, {why}"), soft_wrap=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} ticks"))
     with Progress(*columns, console=messages, transient=True) as bar:
         task = bar.add_task("replay", total=None)
@@ -39,6 +43,8 @@ def _show(found: Replay) -> None:
     console.print(f"{found.ticks} ticks, {found.seconds:.2f} s, {found.different} different")
     if not found.complete:
         console.print("the log was cut short; what is in it was replayed")
+    for line in missing(found.gaps, found.lost):
+        console.print(line, soft_wrap=True)
     if found.first:
         console.print(_table(found.first))
         for remark in found.remarks:
@@ -62,5 +68,6 @@ def _verdict(found: Replay) -> str:
             f"{found.different} of {found.ticks} datagrams differ, first at tick {found.first.tick}"
         )
     if found.missing is not None:
-        verdict.append(f"tick {found.missing} is missing in the log, the replay ends there")
+        told = f"; {found.not_compared} ticks after it were not compared" * bool(found.not_compared)
+        verdict.append(f"tick {found.missing} is missing in the log, the replay ends there{told}")
     return "; ".join(verdict + (found.remarks if found.first else []))

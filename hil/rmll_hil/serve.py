@@ -5,12 +5,13 @@ import select
 import signal
 import socket
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from rmll_gaits.errors import Failure
+from rmll_gaits.errors import Failure, InputError
 from rmll_hil.emulator import Emulator
 
 Address = tuple[str, int]
@@ -42,13 +43,19 @@ class Stop:
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A UDP socket bound to an address; port 0 takes a free one. Raises Failure if it is taken."""
+    """A UDP socket bound to an address; port 0 takes a free one.
+
+    Raises InputError for a port that is none, Failure for an address that cannot be had.
+    """
+    if not 0 <= port <= 65535:
+        raise InputError(f"--port {port}: expected 0 to 65535")
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         sock.bind((host, port))
-    except OSError as error:
+    except (OSError, TypeError) as error:  # the latter of a name that cannot be encoded
         sock.close()
-        raise Failure(f"cannot listen on {host}:{port}: {error.strerror}") from error
+        why = error.strerror if isinstance(error, OSError) else "no host name"
+        raise Failure(f"cannot listen on {host}:{port}: {why}") from error
     return sock
 
 
@@ -70,7 +77,8 @@ def serve(emulator: Emulator, sock: socket.socket, reply: Reply, stop: Stop) -> 
         if reply == "stream" or emulator.accepted > accepted:
             emulator.from_robot.send(emulator.state_datagram(), emulator.now_ms)
         for datagram, _ in emulator.from_robot.arrived(emulator.now_ms):
-            sock.sendto(datagram, peer)
+            with suppress(OSError):  # a network that is down: a loss
+                sock.sendto(datagram, peer)
         emulator.advance(PERIOD_MS, deadline)
         if time.monotonic_ns() - deadline > LARGEST_LAG_NS:
             deadline = time.monotonic_ns()

@@ -103,7 +103,8 @@ def _open(can: Any, name: str, bus: Bus, heard: Iterable[int]) -> "can.BusABC":
             **options,
         )
     except Exception as error:  # each of its back ends has exceptions of its own
-        raise Failure(f"bus {name}: {bus.interface} {bus.channel}: {error}") from error
+        why = getattr(error, "strerror", None) or error
+        raise Failure(f"bus {name}: {bus.interface} {bus.channel}: {why}") from error
 
 
 def _is_plain(message: "can.Message") -> bool:

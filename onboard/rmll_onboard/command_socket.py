@@ -114,7 +114,7 @@ def _bound(path: Path) -> socket.socket:
         sock.bind(str(path))
     except OSError as error:
         sock.close()
-        raise InputError(f"--commands {path}: {error}") from error
+        raise InputError(f"--commands {path}: {error.strerror or error}") from error
     finally:
         os.umask(before)
     return sock
@@ -133,5 +133,7 @@ def _remove_stale(path: Path) -> None:
             probe.connect(str(path))
         except ConnectionRefusedError:
             path.unlink()
+        except OSError as error:
+            raise InputError(f"--commands {path}: {error.strerror or error}") from error
         else:
             raise Failure(f"--commands {path}: another daemon listens there")

@@ -35,7 +35,8 @@ class UdpLink:
     def __init__(self, robot_address: str, local_port: int = 0) -> None:
         """``robot_address`` is host:port.
 
-        Raises InputError for an address that is none, Failure for a port in use.
+        Raises InputError for an address that is none, and Failure for what may be otherwise later:
+        an unknown host, a network that is down, a port in use.
         """
         self.name = robot_address
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -52,12 +53,17 @@ class UdpLink:
         except OSError as error:
             if error.errno == errno.EADDRINUSE:
                 raise Failure(f"UDP port {local_port} is in use") from error
-            raise
+            raise Failure(f"UDP port {local_port}: {error.strerror}") from error
         try:
             # the kernel then drops what others send before it can crowd out the robot
             self._socket.connect(robot)
         except socket.gaierror as error:
-            raise InputError(f"robot address: unknown host {robot[0]!r}") from error
+            why = f"unknown host {robot[0]!r} ({error.strerror})"
+            raise Failure(f"robot address {self.name}: {why}") from error
+        except TypeError as error:  # of a name that cannot be encoded
+            raise InputError(f"robot address: {robot[0]!r} is no host name") from error
+        except OSError as error:
+            raise Failure(f"robot address {self.name}: {error.strerror}") from error
         self.receive()  # what anyone sent between the two calls
 
     def send(self, datagram: bytes) -> None:

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_type_hints
 
 import msgspec
-import yaml
 from msgspec import Meta
 
-from rmll_gaits.errors import InputError
+from rmll_contract import typed_yaml
 from rmll_onboard.can_settings import Can
 
 Seconds = Annotated[float, Meta(ge=0.1, le=60)]
@@ -208,18 +207,7 @@ def load_settings(path: Path | None) -> Settings:
 
     Raises InputError for an unknown name, a wrong type or a value out of range.
     """
-    if path is None:
-        return Settings()
-    try:
-        plain = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
-    plain = {} if plain is None else plain
-    _check_names(plain, Settings, str(path))
-    try:
-        return msgspec.convert(plain, Settings)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{path}: {error}") from error
+    return Settings() if path is None else typed_yaml.load(path, Settings())
 
 
 def as_yaml(settings: Settings) -> str:
@@ -233,28 +221,14 @@ def as_yaml(settings: Settings) -> str:
             meaning = next(m.description for m in hints[name].__metadata__ if m.description)
             if isinstance(value, dict):
                 # one line an entry
-                entries = _yaml(value, None).splitlines()
+                entries = _yaml(value).splitlines()
                 lines += [f"  {name}:  # {meaning}", *(f"    {entry}" for entry in entries)]
                 continue
-            if isinstance(value, msgspec.Struct):
-                value = _yaml(value, True)
-            lines.append(f"  {name}: {value}  # {meaning}")
+            lines.append(f"  {name}: {_yaml(value, flow=True)}  # {meaning}")
     return "\n".join(lines)
 
 
-def _yaml(value: Any, flow: bool | None) -> str:
-    plain = msgspec.to_builtins(value)
-    text = yaml.safe_dump(plain, default_flow_style=flow, sort_keys=False, width=math.inf)
-    return text.rstrip("\n")
-
-
-def _check_names(plain: Any, kind: type[msgspec.Struct], where: str) -> None:
-    """msgspec names the entry it does not know; this names the ones it does."""
-    if not isinstance(plain, dict):
-        return
-    known = {field.name: field.type for field in msgspec.structs.fields(kind)}
-    for name, value in plain.items():
-        if name not in known:
-            raise InputError(f"{where}: unknown {name!r}; known: {', '.join(known)}")
-        if isinstance(known[name], type) and issubclass(known[name], msgspec.Struct):
-            _check_names(value, known[name], f"{where}: {name}")
+def _yaml(value: Any, flow: bool | None = None) -> str:
+    """One line in flow style. PyYAML ends a scalar that stands alone with a line of dots."""
+    text = typed_yaml.dump(msgspec.to_builtins(value), default_flow_style=flow, width=math.inf)
+    return text.removesuffix("...\n").rstrip("\n")

@@ -1,6 +1,7 @@
 """Made-up logs of walks whose judgement is known."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -97,6 +98,31 @@ def test_walks_and_gaps_are_judged_one_by_one(tmp_path):
     log = write(tmp_path / "log.mcap", steps)
     assert [len(walk.times) for walk in walks(log)] == [20, 51, 81]
     assert judged(log).contradictions == 0
+
+
+def test_a_damaged_chunk_splits_a_walk_and_is_told(tmp_path):
+    path = tmp_path / "log.mcap"
+    with log_file(path, about()) as file:
+        for number, step in enumerate(trot(10)):
+            inside = Inside("walking", "", *step, False, False, (0.0, 0.0, 8.0), b"")
+            tick = Tick(number, number * STEP, [], b"", None, (0.0, 0.0, 8.0), False, False, inside)
+            file.add(tick)
+            if number in (60, 100):
+                file.flush()
+    data = bytearray(path.read_bytes())
+    middle = [found.start() for found in re.finditer(b"zstd", data)][1]
+    data[middle + 100] ^= 1
+    path.write_bytes(data)
+    log = FlightLog(path)
+    assert [len(walk.times) for walk in walks(log)] == [61, 60]
+    assert judged(log).contradictions == 0
+    done = command("log.mcap", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "missing in the log: tick 61 to 101, 1.200 to 2.040 s\n" in done.stdout
+    assert "messages that cannot be read: 80\n" in done.stdout
+    found = json.loads(command("log.mcap", "--json", cwd=tmp_path).stdout)
+    assert found["gaps"] == [{"first": 61, "last": 101, "start": 1.2, "end": 2.04}]
+    assert (found["walks"], found["lost"]) == (2, 80)
 
 
 def test_a_log_without_a_walk_or_with_a_strange_one_is_refused(tmp_path):

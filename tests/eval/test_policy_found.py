@@ -16,7 +16,18 @@ POLICIES = Path(__file__).parents[2] / "policies"
 
 def test_a_gait_is_its_shipped_bundle(tmp_path: Path) -> None:
     shipped = POLICIES / "trot.onnx"
-    assert find("trot", False, tmp_path, POLICIES, tmp_path) == (shipped, shipped)
+    found = find("trot", False, tmp_path, POLICIES, tmp_path)
+    assert (found.bundle, found.source) == (shipped, shipped)
+
+
+def test_a_gait_file_is_the_shipped_bundle_only_by_its_rules(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    commands = "commands: {vx: [-1, 1], wz: [-1, 1], frequency: [6, 12]}"
+    mine.write_text(f"gait: trot\n{commands}\ncycle: [FL BR, FR BL]\n")
+    assert find(str(mine), False, tmp_path, POLICIES, tmp_path).bundle == POLICIES / "trot.onnx"
+    mine.write_text(f"gait: trot\n{commands}\ncycle: [FL BL, FR BR]\n")
+    with pytest.raises(InputError, match=r"trot\.onnx has other rules than .*mine\.yaml; --run"):
+        find(str(mine), False, tmp_path, POLICIES, tmp_path)
 
 
 def test_the_newest_finished_run_is_exported(tmp_path: Path) -> None:
@@ -27,22 +38,24 @@ def test_the_newest_finished_run_is_exported(tmp_path: Path) -> None:
         if name != "unfinished":
             (run / "result.yaml").touch()
             os.utime(run / "result.yaml", (1000 - age, 1000 - age))
-    bundle, source = find("trot", True, tmp_path / "runs", POLICIES, tmp_path)
-    assert source.parent.name == "newest"
-    prove(load_bundle(bundle))
+    found = find("trot", True, tmp_path / "runs", POLICIES, tmp_path)
+    assert found.source.parent.name == "newest"
+    assert found.told.startswith(f"taken: {found.source}, the newest finished run of trot\n")
+    assert "passed over" in found.told and "unfinished" in found.told
+    prove(load_bundle(found.bundle))
 
 
 def test_a_checkpoint_is_exported(tmp_path: Path) -> None:
-    bundle, source = find(str(POLICIES / "trot.safetensors"), False, tmp_path, tmp_path, tmp_path)
-    assert (bundle.parent, source.name) == (tmp_path, "trot.safetensors")
-    assert load_bundle(bundle).contract.gait == "trot"
+    found = find(str(POLICIES / "trot.safetensors"), False, tmp_path, tmp_path, tmp_path)
+    assert (found.bundle.parent, found.source.name) == (tmp_path, "trot.safetensors")
+    assert load_bundle(found.bundle).contract.gait == "trot"
 
 
 @pytest.mark.parametrize(
     ("name", "run", "complaint"),
     [
         ("gallop", False, r"no .*gallop\.onnx; there is: .*trot.*--run"),
-        ("gallop", True, r"no finished run of 'gallop' in .*; there are runs of: none"),
+        ("gallop", True, r"no policy of gallop: no run in .*; there are: none"),
         ("trot.onnx", True, r"--run takes the name of a gait, found the file trot\.onnx"),
     ],
 )

@@ -13,7 +13,7 @@ from safetensors.numpy import load_file, save_file
 from rmll_contract import contract as contracts
 from rmll_export.bundle import export
 from rmll_export.card import MEASURED, card
-from rmll_export.checkpoint import find, read
+from rmll_export.checkpoint import read
 from rmll_gaits.errors import Failure, InputError
 
 SHIPPED = Path(__file__).parents[2] / "policies"
@@ -84,22 +84,6 @@ def test_a_truncated_checkpoint_is_refused(checkpoint: Path) -> None:
     checkpoint.write_bytes(checkpoint.read_bytes()[:-100])
     with pytest.raises(InputError, match="not a safetensors file"):
         read(checkpoint)
-
-
-def test_the_newest_finished_run_wins_over_the_shipped_checkpoint(tmp_path: Path) -> None:
-    assert find("trot", tmp_path, SHIPPED) == SHIPPED / "trot.safetensors"
-    for name, finished in (("1", True), ("2", True), ("3", False)):
-        run = tmp_path / "trot" / name
-        run.mkdir(parents=True)
-        (run / "policy.safetensors").touch()
-        if finished:
-            (run / "result.yaml").touch()
-    assert find("trot", tmp_path, SHIPPED) == tmp_path / "trot" / "2" / "policy.safetensors"
-
-
-def test_a_gait_without_a_policy_lists_those_that_have_one(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"'hop'.*there is: .*trot"):
-        find("hop", tmp_path, SHIPPED)
 
 
 WITHOUT_TORCH = """

@@ -1,6 +1,7 @@
 """Recorded walks through today's daemon."""
 
 import json
+import re
 import subprocess
 import sys
 import time
@@ -17,7 +18,7 @@ from rmll_gaits.errors import InputError
 from rmll_hil import lockstep
 from rmll_hil.can_robot import CanRobot
 from rmll_hil.emulator import Emulator
-from rmll_hil.replay import differences, replay
+from rmll_hil.replay import differences, find_bundle, replay
 from rmll_onboard.a1_wire import MotorCommand, decode_command, encode_command
 from rmll_onboard.about import describe
 from rmll_onboard.bundle import load_bundle
@@ -124,6 +125,44 @@ def test_a_log_with_a_hole_is_replayed_up_to_it(walked, about, standing, tmp_pat
     assert (found.ticks, found.missing) == (0, 0)
 
 
+def damaged(path: Path, about, ticks: list[Tick], at: int, until: int) -> FlightLog:
+    """A log of three chunks, the middle one of which cannot be read."""
+    with log_file(path, about) as file:
+        for tick in ticks:
+            file.add(tick)
+            if tick.number + 1 in (at, until):
+                file.flush()
+    data = bytearray(path.read_bytes())
+    middle = [found.start() for found in re.finditer(b"zstd", data)][1]
+    data[middle + 100] ^= 1
+    path.write_bytes(data)
+    return FlightLog(path)
+
+
+def test_a_damaged_chunk_ends_the_comparison_and_what_is_missing_is_told(
+    walked, about, standing, tmp_path
+):
+    """What the daemon had come to by then is not known, so nothing after the gap is compared."""
+    found = through(damaged(tmp_path / "log.mcap", about, walked, 100, 200), standing)
+    # the first tick after it may lack datagrams, and does not count
+    after = len(walked) - 201
+    assert (found.ticks, found.missing, found.not_compared) == (100, 100, after)
+    assert [str(gap) for gap in found.gaps] == ["tick 100 to 200, 0.495 to 1.005 s"]
+    assert found.different == 0 and found.complete and found.lost and found.lost >= 200
+    done = command("log.mcap", "--policy", standing, cwd=tmp_path)
+    assert done.returncode == 1
+    assert "missing in the log: tick 100 to 200, 0.495 to 1.005 s\n" in done.stdout
+    assert f"messages that cannot be read: {found.lost}\n" in done.stdout
+    assert done.stderr.endswith(
+        "rmll-hil: tick 100 is missing in the log, the replay ends there; "
+        f"{after} ticks after it were not compared\n"
+    )
+    found = through(damaged(tmp_path / "end.mcap", about, walked, 100, len(walked)), standing)
+    assert (found.ticks, found.missing, found.not_compared) == (100, 100, 0)
+    assert [str(gap) for gap in found.gaps] == ["tick 100 and on, from 0.495 s"]
+    assert not found.identical
+
+
 def test_what_differs_from_then_is_remarked(walked, about, standing, tmp_path):
     other = msgspec.structs.replace(
         about, digest="0" * 64, versions=about.versions | {"cpu": "Abacus"}
@@ -225,3 +264,17 @@ def test_the_command_says_what_differs(walked, about, standing, tmp_path):
     done = command("log.mcap", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("rmll-hil: policies/trot.onnx: no such bundle; name the one")
+
+
+def test_the_shipped_bundle_stands_in_for_no_other(walked, about, tmp_path):
+    log = write(tmp_path / "log.mcap", about, walked[:5])
+    complaint = (
+        rf"log\.mcap: recorded with standing\.onnx {about.digest[:12]}, but .*trot\.onnx is "
+        r"[0-9a-f]{12}, of the same rules; name the one to replay with by --policy"
+    )
+    with pytest.raises(InputError, match=complaint):
+        find_bundle(log, TROT.parent)
+    shipped = load_bundle(TROT)
+    as_shipped = msgspec.structs.replace(about, digest=shipped.contract.digest)
+    log = write(tmp_path / "shipped.mcap", as_shipped, walked[:5])
+    assert find_bundle(log, TROT.parent) == TROT

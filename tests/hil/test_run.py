@@ -88,7 +88,7 @@ def test_a_fault_plan_is_carried_out(standing: Path, tmp_path: Path) -> None:
         (("--frequency", 99), "--frequency 99: this gait was trained for 6 to 12"),
         (("--seed", -1), "seed is -1, expected at least 0"),
         (("--seconds", 0), "--seconds 0: expected more than 0"),
-        (("--faults", "none.yaml"), "none.yaml: No such file or directory"),
+        (("--faults", "none.yaml"), "none.yaml: cannot be read: No such file or directory"),
         (("--out", "."), ". exists already; a run needs a new folder"),
     ],
 )

@@ -117,3 +117,22 @@ def test_ctrl_c_ends_a_server_that_nobody_called() -> None:
     with server() as (process, _):
         process.send_signal(signal.SIGINT)
         assert process.wait(10) == 0
+
+
+@pytest.mark.parametrize(
+    ("flags", "code", "complaint"),
+    [
+        (("--port", "80808"), 2, "--port 80808: expected 0 to 65535"),
+        (("--port", "-5"), 2, "--port -5: expected 0 to 65535"),
+        (("--host", "no..host"), 1, "cannot listen on no..host:8007: "),
+        (("--host", "ü" * 70), 1, "no host name"),
+        (("--host", "192.0.2.7", "--port", "0"), 1, "cannot listen on 192.0.2.7:0: Cannot assign"),
+        (("--log", "truth.txt"), 2, "--log truth.txt: expected a .npz file in a folder that"),
+    ],
+)
+def test_what_cannot_be_served_is_one_line(flags, code, complaint, tmp_path) -> None:
+    command = [sys.executable, "-m", "rmll_hil.cli", "serve", *flags]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (code, "")
+    assert complaint in done.stderr and done.stderr.startswith("rmll-hil: ")
+    assert done.stderr.count("\n") == 1 and "Errno" not in done.stderr

@@ -83,6 +83,13 @@ def test_an_address_that_is_none_is_refused(address):
         UdpLink(address)
 
 
-def test_an_unknown_host_is_named():
-    with pytest.raises(InputError, match="unknown host"):
+def test_an_unknown_host_is_named_and_may_be_known_later():
+    with pytest.raises(Failure, match=r"^robot address no\.\.host:8007: unknown host 'no\.\.host'"):
         UdpLink("no..host:8007")
+    with pytest.raises(InputError, match="is no host name"):
+        UdpLink(f"{'ü' * 70}:8007")
+
+
+def test_an_address_that_cannot_be_reached_is_named():
+    with pytest.raises(Failure, match=r"^robot address 255\.255\.255\.255:1: \w"):
+        UdpLink("255.255.255.255:1")  # broadcasts are not allowed, so nothing is sent

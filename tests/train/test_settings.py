@@ -17,7 +17,15 @@ def write(tmp_path: Path, text: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("settings", [Settings(), paper(Settings(gait="pace", seed=3))])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        Settings(),
+        paper(Settings(gait="pace", seed=3)),
+        Settings(gait="1e3", learner=Learner(learning_rate=1e-05, gamma=1e16, hidden=(1, 1))),
+        Settings(gait="010.yaml", seed=10**9, learner=Learner(rate_range=(2.5e-7, 1e-5))),
+    ],
+)
 def test_a_run_can_be_told_again_from_its_settings_file(tmp_path: Path, settings: Settings) -> None:
     assert load(write(tmp_path, to_yaml(settings)), Settings()) == settings
 
@@ -27,6 +35,13 @@ def test_a_file_names_only_what_differs(tmp_path: Path) -> None:
     changed = load(path, Settings())
     assert changed.world.rewards.power == -0.5
     assert changed.learner == Settings().learner
+
+
+def test_numbers_may_have_an_exponent(tmp_path: Path) -> None:
+    text = "learner: {learning_rate: 1e-3, steps: 3e6}\nworld: {rewards: {bonus: 1e3}}"
+    found = load(write(tmp_path, text), Settings())
+    assert (found.learner.learning_rate, found.learner.steps) == (0.001, 3_000_000)
+    assert (found.world.rewards.bonus, type(found.world.rewards.bonus)) == (1000.0, float)
 
 
 @pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.name)
@@ -45,13 +60,17 @@ def test_symmetry_is_on_off_or_where_the_gait_allows_it(
 @pytest.mark.parametrize(
     "text, expected",
     [
-        ("wrld: {}", "unknown setting 'wrld'; known here: gait, seed, world, learner"),
-        ("world: {rewards: {torqe: 1}}", "unknown setting 'world.rewards.torqe'"),
-        ("world: 3", "world. is not a mapping"),
-        ("learner: {epochs: many}", "epochs"),
-        ("world: {profile: lidar}", "profile"),
-        ("- 1", "is not a mapping"),
-        ("a: [", "cannot be read"),
+        ("wrld: {}", ":1:1: unknown key 'wrld', expected one of gait, seed, world, learner"),
+        ("world: {rewards: {torqe: 1}}", ":1:19: unknown key 'torqe', expected one of velocity_x"),
+        ("world: 3", ":1:8: found '3', expected a mapping"),
+        ("learner: {epochs: many}", ":1:19: found 'many', expected a whole number"),
+        ("learner: {hidden: [1, a]}", ":1:23: found 'a', expected a whole number"),
+        ("learner: {symmetry: 3}", ":1:21: found '3', expected one of auto, true, false"),
+        ("learner: {gamma: 0.9, gamma: 0.8}", ":1:23: key 'gamma' is given twice"),
+        ("learner: {steps: 12_000}", ":1:18: found 12_000, which readers of YAML take differently"),
+        ("world: {profile: lidar}", ":1:18: found 'lidar', expected one of paper, imu"),
+        ("- 1", ":1:1: found a list, expected a mapping"),
+        ("a: [", ":1:5: not YAML"),
     ],
 )
 def test_bad_settings_are_one_clear_line(tmp_path: Path, text: str, expected: str) -> None:

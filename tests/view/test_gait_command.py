@@ -108,3 +108,25 @@ def test_show_draws_pictures(rmll_gait, tmp_path):
     assert (code, out) == (0, "")
     assert png.read_bytes().startswith(b"\x89PNG")
     assert "<svg" in svg.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--png", "x.jpg"], "--png x.jpg: expected a .png file in a folder that exists"),
+        (["--svg", "x.png"], "--svg x.png: expected a .svg file in a folder that exists"),
+        (["--svg", "no/x.svg"], "--svg no/x.svg: expected a .svg file in a folder that exists"),
+        (["--png", "x.png", "--svg", "x"], "--svg x: expected a .svg file in a folder"),
+    ],
+)
+def test_a_picture_is_what_its_name_says(rmll_gait, tmp_path, monkeypatch, words, complaint):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = rmll_gait("show", "trot", *words)
+    assert (code, out, err) == (2, "", err)
+    assert complaint in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_picture_may_be_written_into_a_folder(rmll_gait, tmp_path):
+    assert rmll_gait("show", "trot", "--png", tmp_path)[0] == 0
+    assert (tmp_path / "trot.png").read_bytes().startswith(b"\x89PNG")

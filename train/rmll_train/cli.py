@@ -99,7 +99,7 @@ def _summary(folder: Path, result: dict[str, Any]) -> list[str]:
         *(f"  {limit}" for limit in result["limits"]),
     ]
     if result["useful"]:
-        lines.append(f"useful; export with: rmll-export --gait {folder.parent.name}")
+        lines.append(f"useful; export with: rmll-export {folder}")
     else:
         lines += ["not useful yet:", *(f"  {text}" for text in result["shortfalls"])]
         lines.append(f"go on with: rmll-train --resume {folder} --steps {2 * result['steps']}")

@@ -9,13 +9,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
-import yaml
 
+from rmll_contract import typed_yaml
 from rmll_contract.observation import Profile
 from rmll_gaits.errors import InputError
 from rmll_robots import ground
-
-MAX_FILE_BYTES = 100_000
 
 
 @dataclass(frozen=True)
@@ -293,38 +291,14 @@ def paper(settings: Settings) -> Settings:
 
 
 def to_yaml(settings: Settings) -> str:
-    return yaml.safe_dump(msgspec.to_builtins(settings), sort_keys=False)
+    return typed_yaml.dump(msgspec.to_builtins(settings))
 
 
 def load(path: Path, base: Settings) -> Settings:
     """Settings from a YAML file that names only what differs from ``base``."""
-    try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"{path}: more than {MAX_FILE_BYTES} bytes")
-        overlay = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
-    return overlaid(base, overlay or {}, str(path))
+    return typed_yaml.load(path, base)
 
 
 def overlaid(base: Settings, overlay: dict[str, Any], source: str) -> Settings:
     """``base`` with what ``overlay`` names changed. ``source`` is told in InputErrors."""
-    merged = _merge(msgspec.to_builtins(base), overlay, source, "")
-    try:
-        return msgspec.convert(merged, Settings)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{source}: {error}") from error
-
-
-def _merge(base: dict[str, Any], overlay: Any, source: str, where: str) -> dict[str, Any]:
-    if not isinstance(overlay, dict):
-        raise InputError(f"{source}: {where or 'the file'} is not a mapping")
-    unknown = [key for key in overlay if key not in base]
-    if unknown:
-        name = f"{where}{unknown[0]}"
-        raise InputError(f"{source}: unknown setting {name!r}; known here: {', '.join(base)}")
-    merged = dict(base)
-    for key, value in overlay.items():
-        nested = isinstance(base[key], dict)
-        merged[key] = _merge(base[key], value, source, f"{where}{key}.") if nested else value
-    return merged
+    return typed_yaml.parse(typed_yaml.dump(overlay), source, base)

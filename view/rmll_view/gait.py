@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rmll_contract.command import run
+from rmll_contract.output import output_file
 from rmll_gaits.compile import compile_gait
 from rmll_gaits.errors import InputError
 from rmll_gaits.label import FEET
@@ -73,18 +74,23 @@ def show(
     Args:
         gait: a name from the library, or a YAML file.
         frequency: c_f in policy steps; the middle of the gait's range if not given.
-        svg: draw into this file instead.
-        png: draw into this file instead.
+        svg: draw into this .svg file instead, or into GAIT.svg in this folder.
+        png: draw into this .png file instead, or into GAIT.png in this folder.
         json: print the compiled table as one JSON object and nothing else.
     """
     spec = load_spec(gait)
     table = compile_gait(spec)
     plan = _plan(table, frequency)
     if svg or png:
+        wanted = (("svg", svg), ("png", png))
+        paths = [
+            output_file(f"--{kind}", path, f"{spec.gait}.{kind}", f".{kind}")
+            for kind, path in wanted
+            if path
+        ]
         picture = figure(table, plan, f"{spec.gait}: {spec.description}".rstrip(": "))
-        for path, kind in ((svg, "svg"), (png, "png")):
-            if path:
-                picture.savefig(path, format=kind, dpi=150)
+        for path in paths:
+            picture.savefig(path, dpi=150)
     if json:
         _print_json(table.to_dict())
     elif not (svg or png):

@@ -1,0 +1,73 @@
+"""How commands end when the system refuses something."""
+
+import errno
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rmll_contract.command import said
+from rmll_contract.output import output_file
+from rmll_gaits.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (IsADirectoryError(errno.EISDIR, "Is a directory", "here"), "here: Is a directory"),
+        (OSError(errno.EXDEV, "Other device", "a", None, "b"), "a to b: Other device"),
+        (OSError(errno.ENETUNREACH, "Network is unreachable"), "Network is unreachable"),
+        (OSError("AF_UNIX path too long"), "AF_UNIX path too long"),
+        (FileNotFoundError(errno.ENOENT, "No such file", b"raw"), "b'raw': No such file"),
+    ],
+)
+def test_the_system_is_quoted_without_its_numbers(error, words):
+    assert said(error) == words
+
+
+def command(code: str, cwd: Path, **pipes) -> subprocess.Popen[str]:
+    program = f"from rmll_contract.command import run\ndef work():\n    {code}\nrun('rmll-x', work)"
+    return subprocess.Popen([sys.executable, "-c", program], text=True, cwd=cwd, **pipes)
+
+
+def test_a_file_that_the_system_refuses_is_named(tmp_path):
+    for code in ("open('.', 'w')", "import os; os.rename('none', 'other')"):
+        with command(code, tmp_path, stderr=subprocess.PIPE) as process:
+            _, told = process.communicate()
+        assert process.returncode == 1
+        assert told.startswith("rmll-x: ") and told.count("\n") == 1
+        assert "Errno" not in told
+    assert told == "rmll-x: none to other: No such file or directory\n"
+
+
+@pytest.mark.parametrize("code", ["print('x' * 200_000)", "print('x')"])
+def test_nobody_reading_is_no_complaint(tmp_path, code):
+    reading, writing = os.pipe()
+    os.close(reading)
+    with command(code, tmp_path, stdout=writing, stderr=subprocess.PIPE) as process:
+        os.close(writing)
+        _, told = process.communicate()
+    assert (process.returncode, told) == (141, "")
+
+
+def test_another_broken_pipe_is_a_complaint(tmp_path):
+    code = "import os; r, w = os.pipe(); os.close(r); os.write(w, b'x')"
+    with command(code, tmp_path, stderr=subprocess.PIPE) as process:
+        _, told = process.communicate()
+    assert (process.returncode, told) == (1, "rmll-x: Broken pipe\n")
+
+
+def test_a_file_to_write_is_checked_by_its_name_and_folder(tmp_path):
+    assert output_file("--out", tmp_path, "../grid.png", ".png") == tmp_path / "grid.png"
+    assert output_file("--out", tmp_path / "A.PNG", "grid.png", ".png") == tmp_path / "A.PNG"
+    assert output_file("--card", tmp_path / "card", "trot.md") == tmp_path / "card"
+    (tmp_path / "grid.png").mkdir()
+    for wanted, complaint in (
+        (tmp_path / "x.jpg", r"--out .*x\.jpg: expected a \.png file in a folder that exists"),
+        (tmp_path / "no" / "x.png", r"--out .*no/x\.png: expected a \.png file in a folder"),
+        (tmp_path, r"--out .*: .*/grid\.png is a folder"),
+    ):
+        with pytest.raises(InputError, match=complaint):
+            output_file("--out", wanted, "grid.png", ".png")
