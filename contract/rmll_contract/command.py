@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from typing import Any, NoReturn
 
 import tyro
@@ -14,9 +15,14 @@ _STYLE = (tyro.conf.FlagCreatePairsOff,)  # --json, without a --no-json beside i
 def run(prog: str, commands: Callable[..., int | None] | dict[str, Callable[..., Any]]) -> NoReturn:
     """Parse ``sys.argv`` and run one command, or one of several named subcommands.
 
+    Every command knows ``--version``, and by tyro ``--tyro-print-completion SHELL``.
+
     Exit codes: what the command returns (None = 0), 2 for wrong input, 1 for failed work,
     130 for Ctrl-C.
     """
+    if sys.argv[1:] == ["--version"]:
+        print(prog, version("rmll"))
+        sys.exit(0)
     try:
         if callable(commands):
             code = tyro.cli(commands, prog=prog, config=_STYLE)

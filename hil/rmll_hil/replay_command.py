@@ -4,14 +4,15 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import TextColumn
 from rich.table import Table
 
 from rmll_gaits.errors import Failure
 from rmll_hil.replay import Difference, Replay, find_bundle, replay
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.flight_log import FlightLog
+from rmll_onboard.shipped import find_policy
+from rmll_view.console import bar, console
 
 SHOWN = 12
 """Fields of a difference that are shown; --json has them all"""
@@ -20,12 +21,10 @@ SHOWN = 12
 def replay_command(log: Path, policy: Path | None, policies: Path, print_json: bool) -> None:
     """Arguments as the command's. Raises Failure, after all is printed, unless all is the same."""
     flight = FlightLog(log)
-    bundle = load_bundle(policy or find_bundle(flight, policies))
-    messages = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} ticks"))
-    with Progress(*columns, console=messages, transient=True) as bar:
-        task = bar.add_task("replay", total=None)
-        found = replay(flight, bundle, lambda ticks: bar.update(task, completed=ticks))
+    bundle = load_bundle(find_policy(policy) if policy else find_bundle(flight, policies))
+    with bar(TextColumn("{task.completed} ticks", markup=False)) as progress:
+        task = progress.add_task("replay", total=None)
+        found = replay(flight, bundle, lambda ticks: progress.update(task, completed=ticks))
     if print_json:
         print(json.dumps(asdict(found) | {"identical": found.identical}))
     else:
@@ -35,14 +34,14 @@ def replay_command(log: Path, policy: Path | None, policies: Path, print_json: b
 
 
 def _show(found: Replay) -> None:
-    console = Console(highlight=False)
-    console.print(f"{found.ticks} ticks, {found.seconds:.2f} s, {found.different} different")
+    screen = console()
+    screen.print(f"{found.ticks} ticks, {found.seconds:.2f} s, {found.different} different")
     if not found.complete:
-        console.print("the log was cut short; what is in it was replayed")
+        screen.print("the log was cut short; what is in it was replayed")
     if found.first:
-        console.print(_table(found.first))
+        screen.print(_table(found.first))
         for remark in found.remarks:
-            console.print(remark, soft_wrap=True)
+            screen.print(remark, soft_wrap=True)
 
 
 def _table(first: Difference) -> Table:

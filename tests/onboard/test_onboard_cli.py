@@ -203,7 +203,7 @@ def test_check_tells_what_is_in_the_bundle(start):
         (("--vx", "nan"), "--vx nan"),
         (("--frequency", "5"), "--frequency 5: this gait was trained for 6 to 12"),
         (("--seconds", "3"), "--seconds needs one of --vx, --wz, --frequency"),
-        (("--vx", "0", "--seconds", "-1"), "--seconds -1: expected more than 0"),
+        (("--vx", "0", "--seconds", "-1"), "--seconds -1: expected 0.02 to 1000000"),
         (("--frequency", "12", "6"), "--frequency with several values needs --seconds"),
         (("--vx", "0", "--gamepad", "auto"), "--vx and --gamepad: one can lead, not both"),
         (("--gamepad", "auto", "--commands", "x"), "--gamepad and --commands: one can lead"),
