@@ -63,7 +63,7 @@ def _picture(path: Path, walk: Walk, table: MachineTable, judged: Conformance) -
         f"{judged.off_spec_contact:.0%} off-spec"
     )
     times = walk.times - walk.times[0]
-    contact_figure(path, times, walk.down, walk.states, table, title, off_spec=walk.off_spec)
+    contact_figure(path, times, walk.down, walk.states, table, walk.off_spec, title)
 
 
 def _show(judged: Conformance) -> None:

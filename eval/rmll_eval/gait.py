@@ -86,7 +86,7 @@ def gait(
     within("episodes", 1 if as_grid else episodes, 1, 100_000)
     within("seconds", seconds, 2, SECONDS[1])
     within("seed", seed, 0, SEEDS)
-    within("jobs", jobs, 1, 256)
+    within("jobs", jobs, 1, 1024)
     if not as_grid and (speeds or frequencies or out or repeats != 1):
         raise InputError("--episodes draws commands: it has no grid to shape, repeat or picture")
     emulated.settings(conditions, seed)

@@ -29,8 +29,6 @@ from rmll_view.console import bar
 
 LOG = "run.mcap"
 """The flight recorder's file in a run's folder"""
-WALL_CLOCK = ("realtime_factor", "tick_us", "wake_us", "rss_mb", "timekeeping")
-"""Figures of the machine and not of the robot; None in lockstep, so that equal runs print equal"""
 
 
 def run(
@@ -70,8 +68,6 @@ def run(
             folder.rmdir()
         raise
     summary = metrics.summary(outcome, bundle.contract.gait, bundle.robot)
-    if in_lockstep:
-        summary |= dict.fromkeys(WALL_CLOCK)
     pace = " ".join(f"{value:g}" for value in pilot.frequencies)
     title = f"{bundle.contract.gait}, {vx:g} m/s, {wz:g} rad/s, c_f {pace}"
     if len(pilot.frequencies) > 1:
