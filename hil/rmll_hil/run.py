@@ -44,7 +44,8 @@ def run(
     print_json: bool,
     out: Path | None,
 ) -> None:
-    """Arguments as the command's. Raises Failure, after all is printed, if the robot faulted."""
+    """Arguments as the command's. Raises Failure, after all is printed, if the robot faulted, or
+    fell on a machine that is too busy to judge it."""
     settings.check()
     policy = find_policy(policy)
     bundle = load_bundle(policy)
@@ -82,8 +83,13 @@ def run(
         known = {name: value for name, value in summary.items() if value not in (None, [])}
         print(report_text(known))
     print(f"{folder}: {outcome.realtime_factor:.2f} x real time", file=sys.stderr)
-    if outcome.report["fault"]:
-        raise Failure(f"the robot went into damping: {outcome.report['fault']}")
+    fault = outcome.report["fault"]
+    trouble = fault and f"the robot went into damping: {fault}"
+    if not in_lockstep and not plan and (fault or summary["falls"]):
+        busy = realtime.too_busy(outcome.report)
+        trouble = f"{busy} ({trouble or 'the robot fell'})" if busy else trouble
+    if trouble:
+        raise Failure(trouble)
 
 
 def _lockstep(
