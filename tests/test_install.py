@@ -40,6 +40,18 @@ def test_a_bundle_can_be_checked_with_the_base_install(base: Path, tmp_path: Pat
     assert "trot" in done.stdout
 
 
+def test_no_bundle_comes_with_it_and_that_is_told(base: Path, tmp_path: Path) -> None:
+    done = call(base, tmp_path, "rmll-onboard", "--check", "--policy", "trot")
+    told = "--policy trot: no policies/trot.onnx; there is: none; or name a file, trot.onnx"
+    assert (done.returncode, done.stderr) == (2, f"rmll-onboard: {told}\n")
+
+
+@pytest.mark.parametrize("command", ["gait", "train", "export", "onboard", "hil", "eval"])
+def test_every_command_tells_its_version(base: Path, tmp_path: Path, command: str) -> None:
+    done = call(base, tmp_path, f"rmll-{command}", "--version")
+    assert (done.returncode, done.stdout.split()[0]) == (0, f"rmll-{command}")
+
+
 def test_the_base_install_is_small(base: Path, tmp_path: Path) -> None:
     done = call(base, tmp_path, "pip", "list", "--format=freeze")
     names = {line.partition("==")[0].lower() for line in done.stdout.split()}

@@ -20,9 +20,7 @@ def run(prog: str, commands: Callable[..., int | None] | dict[str, Callable[...,
     Exit codes: what the command returns (None = 0), 2 for wrong input, 1 for failed work,
     130 for Ctrl-C.
     """
-    if sys.argv[1:] == ["--version"]:
-        print(prog, version("rmll"))
-        sys.exit(0)
+    tell_version(prog)
     try:
         if callable(commands):
             code = tyro.cli(commands, prog=prog, config=_STYLE)
@@ -35,6 +33,13 @@ def run(prog: str, commands: Callable[..., int | None] | dict[str, Callable[...,
     except KeyboardInterrupt:
         _end(prog, "stopped", 130)
     sys.exit(code or 0)
+
+
+def tell_version(prog: str) -> None:
+    """If ``--version`` is all that was asked for, tell it and end."""
+    if sys.argv[1:] == ["--version"]:
+        print(prog, version("rmll"))
+        sys.exit(0)
 
 
 def _end(prog: str, message: object, code: int) -> NoReturn:
