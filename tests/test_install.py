@@ -12,6 +12,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 NOT_SOURCE = (".git", ".venv", "build", "*.egg-info", "runs", "hil-runs", "__pycache__", ".*_cache")
 
+# PYTHONPATH would let the environment see more than was installed
+CLEAN = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+
 
 @pytest.fixture(scope="module")
 def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -22,15 +25,13 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
     venv.create(folder / "venv", with_pip=True)
     bin_folder = folder / "venv" / ("Scripts" if sys.platform == "win32" else "bin")
     install = [bin_folder / "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", source]
-    # PYTHONPATH would let the environment see more than was installed
-    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    subprocess.run(install, check=True, env=clean, stdout=subprocess.DEVNULL)
+    subprocess.run(install, check=True, env=CLEAN, stdout=subprocess.DEVNULL)
     return bin_folder
 
 
 def call(base: Path, tmp_path: Path, *words: str) -> subprocess.CompletedProcess[str]:
     command = [str(base / words[0]), *words[1:]]
-    return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=CLEAN)
 
 
 def test_a_bundle_can_be_checked_with_the_base_install(base: Path, tmp_path: Path) -> None:
