@@ -24,7 +24,7 @@ MAY_IMPORT = {
     "rmll_robots": set(),
     "rmll_contract": {"rmll_gaits", "rmll_robots"},
     "rmll_view": {"rmll_gaits", "rmll_contract"},
-    "rmll_train": {"rmll_gaits", "rmll_robots", "rmll_contract", "rmll_onboard"},
+    "rmll_train": {"rmll_gaits", "rmll_robots", "rmll_contract", "rmll_view", "rmll_onboard"},
     "rmll_export": {"rmll_gaits", "rmll_robots", "rmll_contract", "rmll_onboard"},
     "rmll_onboard": {"rmll_gaits", "rmll_robots", "rmll_contract"},
     "rmll_hil": {"rmll_gaits", "rmll_robots", "rmll_contract", "rmll_view", "rmll_onboard"},

@@ -12,6 +12,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 NOT_SOURCE = (".git", ".venv", "build", "*.egg-info", "runs", "hil-runs", "__pycache__", ".*_cache")
 
+# PYTHONPATH would let the environment see more than was installed
+CLEAN = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+
 
 @pytest.fixture(scope="module")
 def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -22,15 +25,13 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
     venv.create(folder / "venv", with_pip=True)
     bin_folder = folder / "venv" / ("Scripts" if sys.platform == "win32" else "bin")
     install = [bin_folder / "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", source]
-    # PYTHONPATH would let the environment see more than was installed
-    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    subprocess.run(install, check=True, env=clean, stdout=subprocess.DEVNULL)
+    subprocess.run(install, check=True, env=CLEAN, stdout=subprocess.DEVNULL)
     return bin_folder
 
 
 def call(base: Path, tmp_path: Path, *words: str) -> subprocess.CompletedProcess[str]:
     command = [str(base / words[0]), *words[1:]]
-    return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=CLEAN)
 
 
 def test_a_bundle_can_be_checked_with_the_base_install(base: Path, tmp_path: Path) -> None:
@@ -38,6 +39,18 @@ def test_a_bundle_can_be_checked_with_the_base_install(base: Path, tmp_path: Pat
     done = call(base, tmp_path, "rmll-onboard", "--check", "--policy", policy)
     assert done.returncode == 0, done.stderr
     assert "trot" in done.stdout
+
+
+def test_no_bundle_comes_with_it_and_that_is_told(base: Path, tmp_path: Path) -> None:
+    done = call(base, tmp_path, "rmll-onboard", "--check", "--policy", "trot")
+    told = "--policy trot: no policies/trot.onnx; there is: none; or name a file, trot.onnx"
+    assert (done.returncode, done.stderr) == (2, f"rmll-onboard: {told}\n")
+
+
+@pytest.mark.parametrize("command", ["gait", "train", "export", "onboard", "hil", "eval"])
+def test_every_command_tells_its_version(base: Path, tmp_path: Path, command: str) -> None:
+    done = call(base, tmp_path, f"rmll-{command}", "--version")
+    assert (done.returncode, done.stdout.split()[0]) == (0, f"rmll-{command}")
 
 
 def test_the_base_install_is_small(base: Path, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import select
 import signal
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from typing import Any, NoReturn
 
 import tyro
@@ -19,9 +20,12 @@ _STYLE = (tyro.conf.FlagCreatePairsOff,)  # --json, without a --no-json beside i
 def run(prog: str, commands: Callable[..., int | None] | dict[str, Callable[..., Any]]) -> NoReturn:
     """Parse ``sys.argv`` and run one command, or one of several named subcommands.
 
+    Every command knows ``--version``, and by tyro ``--tyro-print-completion SHELL``.
+
     Exit codes: what the command returns (None = 0), 2 for wrong input, 1 for failed work,
     130 for Ctrl-C, 141 if nobody reads what it prints.
     """
+    tell_version(prog)
     try:
         if callable(commands):
             code = tyro.cli(commands, prog=prog, config=_STYLE)
@@ -40,6 +44,13 @@ def run(prog: str, commands: Callable[..., int | None] | dict[str, Callable[...,
     except KeyboardInterrupt:
         _end(prog, "stopped", 130)
     sys.exit(code or 0)
+
+
+def tell_version(prog: str) -> None:
+    """If ``--version`` is all that was asked for, tell it and end."""
+    if sys.argv[1:] == ["--version"]:
+        print(prog, version("rmll"))
+        sys.exit(0)
 
 
 def said(error: OSError) -> str:

@@ -6,6 +6,8 @@ A robot's computer has only the base: there, the others say in one line what to 
 import sys
 from importlib import import_module
 
+from rmll_contract.command import tell_version
+
 
 def gait() -> None:
     _start("rmll-gait", "rmll_view.gait", "view")
@@ -28,6 +30,7 @@ def evaluate() -> None:
 
 
 def _start(prog: str, module: str, extra: str) -> None:
+    tell_version(prog)
     try:
         command = import_module(module)
     except ModuleNotFoundError as error:

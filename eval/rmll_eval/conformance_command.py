@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -17,6 +16,7 @@ from rmll_eval.conformance import conformance as judge
 from rmll_gaits.table import MachineTable
 from rmll_hil import results
 from rmll_onboard.flight_log import FlightLog, missing
+from rmll_view.console import console
 from rmll_view.contacts import contact_figure
 
 SHOWN = 6
@@ -66,11 +66,11 @@ def _picture(path: Path, walk: Walk, table: MachineTable, judged: Conformance) -
         f"{judged.off_spec_contact:.0%} off-spec"
     )
     times = walk.times - walk.times[0]
-    contact_figure(path, times, walk.down, walk.states, table, title, off_spec=walk.off_spec)
+    contact_figure(path, times, walk.down, walk.states, table, walk.off_spec, title)
 
 
 def _show(judged: Conformance) -> None:
-    console = Console(highlight=False)
+    screen = console()
     rate = "-" if judged.cycle_rate is None else f"{judged.cycle_rate:.2f}"
     entries = {
         "gait": judged.gait,
@@ -85,11 +85,11 @@ def _show(judged: Conformance) -> None:
         entries["contradictions"] = f"{judged.contradictions} steps in another state than recorded"
     summary = Table(show_header=False, box=None)
     for name, value in entries.items():
-        summary.add_row(Text(name, "bold"), Text(value))
-    console.print(summary, "")
-    console.print(_dwell(judged))
+        summary.add_row(Text(name, "bold"), value)
+    screen.print(summary, "")
+    screen.print(_dwell(judged))
     for name, count in list(judged.off_spec_steps.items())[:SHOWN]:
-        console.print(Text(f"off-spec in {name}, {count} steps"))
+        screen.print(f"off-spec in {name}, {count} steps")
 
 
 def _dwell(judged: Conformance) -> Table:
@@ -100,5 +100,5 @@ def _dwell(judged: Conformance) -> Table:
     for name, dwell in judged.dwell.items():
         allowed = "-" if dwell.allowed is None else str(dwell.allowed)
         figures = dwell.visits, dwell.least, f"{dwell.mean:.1f}", dwell.most, allowed
-        table.add_row(Text(name), *map(str, figures))
+        table.add_row(name, *map(str, figures))
     return table

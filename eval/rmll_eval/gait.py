@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import MofNCompleteColumn, TimeRemainingColumn
 
+from rmll_contract.flag import within
 from rmll_contract.output import output_file
 from rmll_eval import emulated, policy
 from rmll_eval.conditions import Conditions
@@ -25,9 +25,13 @@ from rmll_gaits.errors import InputError
 from rmll_hil import results
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.controller import prove
+from rmll_onboard.pilot import SECONDS
+from rmll_view.console import bar
 
 World = Literal["emulator", "trainer"]
 GRID_SECONDS, EPISODE_SECONDS = 6.0, 20.0
+SEEDS = (1 << 32) - 1
+"""The largest that both worlds take"""
 
 
 def gait(
@@ -79,7 +83,11 @@ def gait(
         seconds = GRID_SECONDS if as_grid else EPISODE_SECONDS
     if jobs is None:
         jobs = os.cpu_count() or 1
-    _check_least(repeats=repeats, episodes=episodes, seconds=seconds, seed=seed, jobs=jobs)
+    within("repeats", repeats, 1, 1000)
+    within("episodes", 1 if as_grid else episodes, 1, 100_000)
+    within("seconds", seconds, 2, SECONDS[1])
+    within("seed", seed, 0, SEEDS)
+    within("jobs", jobs, 1, 1024)
     if not as_grid and (speeds or frequencies or out or repeats != 1):
         raise InputError("--episodes draws commands: it has no grid to shape, repeat or picture")
     emulated.settings(conditions, seed)
@@ -128,16 +136,5 @@ def _walks(
 
 def _followed(walks: Iterable[Walk], total: int) -> Iterator[Walk]:
     """The same walks, with a bar on stderr."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-               TimeRemainingColumn())  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        yield from bar.track(walks, total=total, description="walks")
-
-
-def _check_least(**values: float | None) -> None:
-    """Raises InputError, which names the flag."""
-    least = {"repeats": 1, "episodes": 1, "seconds": 2, "seed": 0, "jobs": 1}
-    for name, value in values.items():
-        # written so that NaN is refused too
-        if value is not None and not value >= least[name]:
-            raise InputError(f"--{name} {value:g}: expected at least {least[name]}")
+    with bar(MofNCompleteColumn(), TimeRemainingColumn()) as progress:
+        yield from progress.track(walks, total=total, description="walks")

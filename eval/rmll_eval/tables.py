@@ -1,24 +1,24 @@
 """An evaluation in the terminal."""
 
 from rich.columns import Columns
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from rmll_eval.evaluation import Evaluation
 from rmll_eval.walk import ENERGY, METRICS, Metric, fallen, faulted, mean, worst
+from rmll_view.console import console
 
 
 def show(evaluation: Evaluation, as_grid: bool) -> None:
     """Print what the walks come to, and ``as_grid`` the figures of each command before it."""
-    console = Console(highlight=False)
-    console.print(Text(evaluation.title, "bold"))
-    console.print(Text(evaluation.policy, "dim"), "\n")
+    screen = console()
+    screen.print(Text(evaluation.title, "bold"))
+    screen.print(Text(evaluation.policy, "dim"), "\n")
     if as_grid:
         # cost of transport is energy per metre in another unit
         tables = [_grid(metric, evaluation) for metric in METRICS[:-1]]
-        console.print(Columns(tables, padding=(0, 3)))
-    console.print(_summary(evaluation))
+        screen.print(Columns(tables, padding=(0, 3)))
+    screen.print(_summary(evaluation))
 
 
 def _summary(evaluation: Evaluation) -> Table:
@@ -39,9 +39,8 @@ def _summary(evaluation: Evaluation) -> Table:
     return table
 
 
-def _row(title: str, metric: Metric, *values: float | None) -> list[Text]:
-    # as Text, for rich takes the brackets around a unit for markup
-    return [Text(title), *(Text(metric.plain(value)) for value in values)]
+def _row(title: str, metric: Metric, *values: float | None) -> list[str]:
+    return [title, *map(metric.plain, values)]
 
 
 def _grid(metric: Metric, evaluation: Evaluation) -> Table:

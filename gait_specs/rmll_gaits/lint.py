@@ -7,6 +7,7 @@ import numpy as np
 
 from rmll_gaits import pose
 from rmll_gaits.compile import compile_gait
+from rmll_gaits.flight import flights
 from rmll_gaits.label import NUM_LABELS
 from rmll_gaits.problems import problems
 from rmll_gaits.schedule import schedule
@@ -27,7 +28,13 @@ def lint(spec: GaitSpec) -> list[Finding]:
     if errors := [Finding("error", problem) for problem in problems(spec)]:
         return errors
     table = compile_gait(spec)
-    warnings = (*_poses(spec), *_standing_still(table), *_unpaced(table), *_periods(table))
+    warnings = (
+        *_poses(spec),
+        *_standing_still(table),
+        *_unpaced(table),
+        *_periods(table),
+        *flights(table),
+    )
     return [Finding("warning", f"{spec.source}: {warning}") for warning in warnings]
 
 

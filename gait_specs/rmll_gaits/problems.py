@@ -15,6 +15,7 @@ def problems(spec: GaitSpec) -> Iterator[str]:
     for state in spec.states:
         if all(edge.rejects for edge in state.edges):
             yield f"{state.where}: state {state.name} is a dead end, no edge leads on"
+    yield from _rejects_the_start(spec)
 
 
 def _never_true(state: State) -> Iterator[str]:
@@ -29,6 +30,18 @@ def _overlaps(state: State) -> Iterator[str]:
             yield (
                 f"{second.where}: state {state.name}: contact {pose.to_text(min(common))}"
                 f" opens two edges, {_name(first)} and {_name(second)}"
+            )
+
+
+def _rejects_the_start(spec: GaitSpec) -> Iterator[str]:
+    """Reject edges that are open before a robot could have lifted a foot."""
+    start = next(state for state in spec.states if state.name == spec.start)
+    for edge in start.edges:
+        if edge.rejects and not edge.grace and pose.ALL_DOWN in edge.labels:
+            yield (
+                f"{edge.where}: state {start.name}: {edge.when!r} rejects the robot as it starts,"
+                " standing on all feet; expected a grace, the policy steps of 20 ms that it has"
+                " to lift them, such as 'grace: 20'"
             )
 
 

@@ -38,7 +38,7 @@ def serve_command(
 
     Or, with --link can, a robot of actuators on the buses of the daemon's settings file.
 
-    Example: rmll-hil serve --port 8007, then rmll-onboard --policy policies/trot.onnx
+    Example: rmll-hil serve --port 8007, then rmll-onboard --policy trot
 
     Args:
         robot: What the emulated robot is like.
@@ -104,10 +104,10 @@ def run_command(
     turns: repeatable and faster. Leaves a summary, the flight recorder's log, the same as a table
     with the truth beside it, and the foot-contact picture.
 
-    Example: rmll-hil run --policy policies/trot.onnx --seconds 20 --vx 0.5
+    Example: rmll-hil run --policy trot --seconds 20 --vx 0.5
 
     Args:
-        policy: The bundle to run.
+        policy: The bundle to run, a file or the name of a shipped one.
         seconds: How long to walk, after standing up.
         vx: Forward speed [m/s]; 0.5 by default, or what is nearest to it in the gait's range.
         wz: Turning speed [rad/s], left positive; straight on by default.
@@ -143,7 +143,8 @@ def replay_command(
 
     Args:
         log: The .mcap file.
-        policy: The bundle that it was recorded with; the gait's shipped one by default.
+        policy: The bundle that it was recorded with, a file or the name of a shipped one; the
+            gait's by default.
         policies: Where the shipped bundles are.
         json: Print the result as one JSON object.
     """
@@ -153,7 +154,7 @@ def replay_command(
 
 
 def faults_command(
-    policy: Path = Path("policies/trot.onnx"),
+    policy: Path = Path("trot"),
     only: tuple[str, ...] = (),
     jobs: int = 1,
     out: Path | None = None,
@@ -163,10 +164,10 @@ def faults_command(
 
     Daemon and emulator talk UDP in real time; a fault takes about four seconds.
 
-    Example: rmll-hil faults --policy policies/trot.onnx --only silent_board killed
+    Example: rmll-hil faults --policy trot --only silent_board killed
 
     Args:
-        policy: The bundle that walks.
+        policy: The bundle that walks, a file or the name of a shipped one.
         only: Names of faults; all by default.
         jobs: How many at a time; more than one blurs the times.
         out: Write the table to this Markdown file, or to faults.md in this folder.

@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmll_gaits.errors import Failure, InputError
+from rmll_contract.flag import within
+from rmll_gaits.errors import Failure
 from rmll_hil.board import Board
 from rmll_hil.faults import Plan
 from rmll_hil.network import Way
@@ -67,16 +68,12 @@ class Settings:
     """How hard the ground is, from 0 to 9, as in training; without effect on flat ground."""
 
     def check(self) -> None:
-        """Raises InputError for a value below its least one or out of its range."""
-        least = {"seed": 0, "friction": 0.01, "action_delay_ms": 0, "command_timeout_ms": 1}
-        for name, low in least.items():
-            # written so that NaN is refused too
-            if not getattr(self, name) >= low:
-                raise InputError(
-                    f"{name.replace('_', ' ')} is {getattr(self, name)}, expected at least {low}"
-                )
-        if not 0 <= self.level < LEVELS:
-            raise InputError(f"level is {self.level}, expected 0 to {LEVELS - 1}")
+        """Raises InputError, which names the flag, for a value out of its range."""
+        within("seed", self.seed, 0)
+        within("friction", self.friction, 0.01, 10)
+        within("action-delay-ms", self.action_delay_ms, 0, 1000)
+        within("command-timeout-ms", self.command_timeout_ms, 1, 100_000)
+        within("level", self.level, 0, LEVELS - 1)
 
 
 class Emulator:

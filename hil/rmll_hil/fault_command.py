@@ -3,15 +3,18 @@
 import json
 from pathlib import Path
 
-from rich.console import Console
+from rich.progress import MofNCompleteColumn
 from rich.table import Table
 
+from rmll_contract.flag import within
 from rmll_contract.output import output_file
 from rmll_gaits.errors import Failure, InputError
 from rmll_hil.fault_rows import ROWS, Row
 from rmll_hil.fault_table import Result, markdown, provoke
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.controller import prove
+from rmll_onboard.shipped import find_policy
+from rmll_view.console import bar, console
 
 
 def faults(
@@ -20,16 +23,13 @@ def faults(
     """Arguments as the command's. Raises Failure, after all is printed, for a wrong reaction."""
     rows = _chosen(only)
     out = out and output_file("--out", out, "faults.md")
-    if not 1 <= jobs <= 16:
-        raise InputError(f"--jobs {jobs}: expected 1 to 16")
+    within("jobs", jobs, 1, 16)
+    policy = find_policy(policy)
     bundle = load_bundle(policy)
     prove(bundle)
-    messages = Console(stderr=True)
-    results: list[Result] = []
-    with messages.status("provoking faults") as status:
-        for result in provoke(rows, policy, jobs, bundle.robot):
-            results.append(result)
-            status.update(f"{len(results)} of {len(rows)} faults: {result.row.name}")
+    with bar(MofNCompleteColumn()) as progress:
+        found = provoke(rows, policy, jobs, bundle.robot)
+        results = list(progress.track(found, total=len(rows), description="faults"))
     if out:
         out.write_text(markdown(results, policy))
     if print_json:
@@ -65,4 +65,4 @@ def _show(results: list[Result]) -> None:
         table.add_row(
             result.row.name, milliseconds, result.reaction, result.told or "-", style=style
         )
-    Console().print(table, highlight=False)
+    console().print(table)

@@ -64,7 +64,7 @@ def walk(
         "lost": daemon.intake.lost,
     }
     # not measured: there is no real time here
-    timings = dict.fromkeys(("tick_us", "wake_us", "rss_mb", "pace"))
+    timings = dict.fromkeys(("tick_us", "wake_us", "rss_mb", "timekeeping"))
     return Outcome(
         report=daemon.report() | timings | {"packets": packets},
         log=rows,

@@ -49,7 +49,10 @@ def summary(outcome: Outcome, gait: str, robot: Robot) -> dict[str, Any]:
         "fault": report["fault"],
         "warnings": report["warnings"],
         "realtime_factor": outcome.realtime_factor,
-        **{name: report[name] for name in ("tick_us", "wake_us", "rss_mb", "pace", "packets")},
+        **{
+            name: report[name]
+            for name in ("tick_us", "wake_us", "rss_mb", "timekeeping", "packets")
+        },
     }
 
 

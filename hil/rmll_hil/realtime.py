@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from rmll_onboard.settings import as_yaml
 
 PATIENCE = 8.0
 """[s] for a process to end by itself; sitting down takes about three"""
+LATE_TICKS = 10
+"""Of 5 ms each: as long as the daemon lives without a state, and the robot without a command"""
 
 
 def walk(
@@ -70,6 +73,20 @@ def walk(
     return Outcome(report, list(FlightLog(record).rows()), truth, counters["realtime_factor"])
 
 
+def too_busy(report: dict[str, Any]) -> str | None:
+    """Why the machine and not the robot may be to blame for how a run ended; None if it kept time.
+
+    ``report`` is the daemon's. An emulator that nobody breaks on purpose always answers in time.
+    """
+    missed, lost = report["timekeeping"]["missed"], report["packets"]["lost"]
+    if missed + lost < LATE_TICKS:
+        return None
+    return (
+        f"the machine is too busy: of {report['packets']['sent']} ticks {missed} were missed and "
+        f"{lost} had no new state; close other programs, or use --lockstep, which has no hurry"
+    )
+
+
 def _serve(settings: Settings, truth: Path, faults: Path | None) -> list[str]:
     flags = [
         text
@@ -82,7 +99,12 @@ def _serve(settings: Settings, truth: Path, faults: Path | None) -> list[str]:
 
 def _end(emulator: subprocess.Popen[str]) -> None:
     emulator.terminate()
-    _, complaint = emulator.communicate(timeout=PATIENCE)
+    try:
+        _, complaint = emulator.communicate(timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        raise Failure(
+            f"the emulator did not end within {PATIENCE:g} s: the machine is too busy"
+        ) from None
     if emulator.returncode:
         raise Failure(
             f"the emulator ended with exit code {emulator.returncode}: {_reason(complaint)}"

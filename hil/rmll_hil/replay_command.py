@@ -4,15 +4,15 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import TextColumn
 from rich.table import Table
-from rich.text import Text
 
 from rmll_gaits.errors import Failure
 from rmll_hil.replay import Difference, Replay, find_bundle, replay
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.flight_log import FlightLog, missing
+from rmll_onboard.shipped import find_policy
+from rmll_view.console import bar, console
 
 SHOWN = 12
 """Fields of a difference that are shown; --json has them all"""
@@ -21,15 +21,13 @@ SHOWN = 12
 def replay_command(log: Path, policy: Path | None, policies: Path, print_json: bool) -> None:
     """Arguments as the command's. Raises Failure, after all is printed, unless all is the same."""
     flight = FlightLog(log)
-    path = policy or find_bundle(flight, policies)
+    path = find_policy(policy) if policy else find_bundle(flight, policies)
     bundle = load_bundle(path)
-    messages = Console(stderr=True)
     why = "as named" if policy else "the shipped one, with which it was recorded"
-    messages.print(Text(f"taken: {path}, {why}"), soft_wrap=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} ticks"))
-    with Progress(*columns, console=messages, transient=True) as bar:
-        task = bar.add_task("replay", total=None)
-        found = replay(flight, bundle, lambda ticks: bar.update(task, completed=ticks))
+    console(stderr=True).print(f"taken: {path}, {why}", soft_wrap=True)
+    with bar(TextColumn("{task.completed} ticks", markup=False)) as progress:
+        task = progress.add_task("replay", total=None)
+        found = replay(flight, bundle, lambda ticks: progress.update(task, completed=ticks))
     if print_json:
         print(json.dumps(asdict(found) | {"identical": found.identical}))
     else:
@@ -39,16 +37,16 @@ def replay_command(log: Path, policy: Path | None, policies: Path, print_json: b
 
 
 def _show(found: Replay) -> None:
-    console = Console(highlight=False)
-    console.print(f"{found.ticks} ticks, {found.seconds:.2f} s, {found.different} different")
+    screen = console()
+    screen.print(f"{found.ticks} ticks, {found.seconds:.2f} s, {found.different} different")
     if not found.complete:
-        console.print("the log was cut short; what is in it was replayed")
+        screen.print("the log was cut short; what is in it was replayed")
     for line in missing(found.gaps, found.lost):
-        console.print(line, soft_wrap=True)
+        screen.print(line, soft_wrap=True)
     if found.first:
-        console.print(_table(found.first))
+        screen.print(_table(found.first))
         for remark in found.remarks:
-            console.print(remark, soft_wrap=True)
+            screen.print(remark, soft_wrap=True)
 
 
 def _table(first: Difference) -> Table:

@@ -54,6 +54,7 @@ def write(
             outcomes.column(steady, *(f"down_{foot}" for foot in FEET)).astype(bool),
             outcomes.states(steady, table),
             table,
+            outcomes.column(steady, "off_spec").astype(bool),
             title,
             window=2.0,
         )

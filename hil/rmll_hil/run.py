@@ -2,15 +2,13 @@
 
 import json
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 from msgspec.structs import replace
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
+from rich.progress import TimeRemainingColumn
 
 from rmll_gaits.errors import Failure, InputError
 from rmll_gaits.table import nearest
@@ -26,13 +24,14 @@ from rmll_onboard.bundle import Bundle, load_bundle
 from rmll_onboard.controller import prove
 from rmll_onboard.mcap_file import log_file
 from rmll_onboard.pilot import FlagPilot
+from rmll_onboard.report_text import report_text
+from rmll_onboard.shipped import find_policy
+from rmll_view.console import bar
 
 LOG = "run.mcap"
 """The flight recorder's file in a run's folder"""
 USUAL_SPEED = 0.5
 """[m/s] where nobody chose one"""
-WALL_CLOCK = ("realtime_factor", "tick_us", "wake_us", "rss_mb", "pace")
-"""Figures of the machine and not of the robot; None in lockstep, so that equal runs print equal"""
 
 
 def run(
@@ -48,8 +47,10 @@ def run(
     print_json: bool,
     out: Path | None,
 ) -> None:
-    """Arguments as the command's. Raises Failure, after all is printed, if the robot faulted."""
+    """Arguments as the command's. Raises Failure, after all is printed, if the robot faulted, or
+    fell on a machine that is too busy to judge it."""
     settings.check()
+    policy = find_policy(policy)
     bundle = load_bundle(policy)
     plan = load_plan(faults, bundle.robot) if faults else ()
     if plan and daemon.link.kind != "udp":
@@ -59,9 +60,8 @@ def run(
     vx = nearest(USUAL_SPEED, commands.vx) if vx is None else vx
     pilot = FlagPilot(commands, vx, wz, frequency, seconds)
     folder = results.folder(out, bundle.contract.gait)
-    messages = Console(stderr=True)
     try:
-        with _progress(messages, bundle.contract.gait, seconds) as progress:
+        with _progress(bundle.contract.gait, seconds) as progress:
             if in_lockstep:
                 outcome = _lockstep(bundle, pilot, settings, daemon, plan, folder / LOG, progress)
             else:
@@ -74,8 +74,6 @@ def run(
             folder.rmdir()
         raise
     summary = metrics.summary(outcome, bundle.contract.gait, bundle.robot)
-    if in_lockstep:
-        summary |= dict.fromkeys(WALL_CLOCK)
     pace = " ".join(f"{value:g}" for value in pilot.frequencies)
     title = f"{bundle.contract.gait}, {pilot.vx:g} m/s, {pilot.wz:g} rad/s, c_f {pace}"
     if len(pilot.frequencies) > 1:
@@ -87,10 +85,16 @@ def run(
     if print_json:
         print(json.dumps(summary))
     else:
-        _show(summary)
-    messages.print(f"{folder}: {outcome.realtime_factor:.2f} x real time", highlight=False)
-    if outcome.report["fault"]:
-        raise Failure(f"the robot went into damping: {outcome.report['fault']}")
+        known = {name: value for name, value in summary.items() if value not in (None, [])}
+        print(report_text(known))
+    print(f"{folder}: {outcome.realtime_factor:.2f} x real time", file=sys.stderr)
+    fault = outcome.report["fault"]
+    trouble = fault and f"the robot went into damping: {fault}"
+    if not in_lockstep and not plan and (fault or summary["falls"]):
+        busy = realtime.too_busy(outcome.report)
+        trouble = f"{busy} ({trouble or 'the robot fell'})" if busy else trouble
+    if trouble:
+        raise Failure(trouble)
 
 
 def _lockstep(
@@ -128,30 +132,11 @@ def _realtime(
 
 
 @contextmanager
-def _progress(messages: Console, gait: str, seconds: float) -> Iterator[Callable[[float], None]]:
+def _progress(gait: str, seconds: float) -> Iterator[Callable[[float], None]]:
     """A bar on stderr; the robot's way up and down are part of it."""
     motion = onboard.Motion()
     up, down = motion.crouch + motion.rise + motion.settle, motion.slow_down + motion.sit
     total = up + seconds + down
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=messages, transient=True) as bar:
-        task = bar.add_task(gait, total=total)
-        yield lambda seconds: bar.update(task, completed=seconds)
-
-
-def _show(summary: dict[str, Any]) -> None:
-    table = Table(show_header=False, box=None)
-    table.add_column(style="bold")
-    table.add_column(justify="right")
-    for name, value in summary.items():
-        if value not in (None, []):
-            table.add_row(name, _plain(value))
-    Console().print(table, highlight=False)
-
-
-def _plain(value: Any) -> str:
-    if isinstance(value, list):
-        return "\n".join(map(_plain, value))
-    if isinstance(value, dict):
-        return "  ".join(f"{name} {_plain(inner)}" for name, inner in value.items())
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+    with bar(TimeRemainingColumn()) as progress:
+        task = progress.add_task(gait, total=total)
+        yield lambda seconds: progress.update(task, completed=seconds)

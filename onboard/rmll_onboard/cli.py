@@ -21,8 +21,10 @@ from rmll_onboard.gamepad import GamepadPilot, open_gamepad
 from rmll_onboard.loop import Loop
 from rmll_onboard.pilot import FlagPilot, Pilot, RemotePilot
 from rmll_onboard.recorder import Recorder, log_path
+from rmll_onboard.report_text import report_text
 from rmll_onboard.service import Service
 from rmll_onboard.settings import Kind, Settings, as_yaml, load_settings
+from rmll_onboard.shipped import find_policy
 from rmll_onboard.understudy import Understudy
 from rmll_onboard.wire import open_link
 
@@ -52,10 +54,10 @@ def onboard(
 ) -> int:
     """Stand the robot up and walk, led by its remote, a gamepad, a program or the flags.
 
-    Example: rmll-onboard --policy policies/trot.onnx --vx 0.5 --seconds 20
+    Example: rmll-onboard --policy trot --vx 0.5 --seconds 20
 
     Args:
-        policy: the bundle to run.
+        policy: the bundle to run, a file or the name of a shipped one.
         settings: YAML file with what differs from --print-settings.
         link: udp to an A1, or can to the actuators of the settings, instead of the settings' one.
         robot_address: host:port of the robot, instead of the settings' one.
@@ -78,11 +80,13 @@ def onboard(
         print(as_yaml(options))
         return 0
     if policy is None:
-        raise InputError("--policy is missing: which bundle to run, e.g. policies/trot.onnx")
+        raise InputError("--policy is missing: which bundle to run, a file or a name such as trot")
+    policy = find_policy(policy)
     bundle = load_bundle(policy)
     steps = prove(bundle)
     if check:
-        _show(_contents(bundle, steps), json)
+        contents = {"bundle": str(policy)} | _contents(bundle, steps)
+        _show(contents if json else contents | {"provenance": _essentials(bundle)}, json)
         return 0
     flags = {"vx": vx, "wz": wz, "frequency": frequency}
     given = {name: value for name, value in flags.items() if value is not None}
@@ -124,7 +128,7 @@ def _walk(
     if not json:
         if percentiles:
             print(timing.table(report))
-        del report["pace"]
+        del report["timekeeping"]
     _show(report, json)
     if daemon.fault:
         raise Failure(daemon.fault)
@@ -186,26 +190,18 @@ def _contents(bundle: Bundle, steps: int) -> dict[str, Any]:
     }
 
 
+def _essentials(bundle: Bundle) -> dict[str, Any]:
+    """How the policy came to be, without the hundred settings of its training."""
+    provenance = bundle.contract.provenance
+    long = dict.fromkeys(("settings", "stages"), "(--json tells them)")
+    return provenance | {name: word for name, word in long.items() if provenance.get(name)}
+
+
 def _show(entries: dict[str, Any], json: bool) -> None:
     if json:
         print(msgspec.json.encode(entries).decode())
         return
-    width = max(map(len, entries))
-    for name, value in entries.items():
-        print(f"{name:{width}}  {_plain(value)}")
-
-
-def _plain(value: Any) -> str:
-    match value:
-        case dict():
-            return ", ".join(f"{name} {_plain(inner)}" for name, inner in value.items())
-        case list() | tuple():
-            return " ".join(map(_plain, value))
-        case float():
-            return f"{value:.4g}"
-        case None:
-            return "-"
-    return str(value)
+    print(report_text(entries))
 
 
 def main() -> None:

@@ -6,10 +6,14 @@ A gamepad and a local socket lead too, see :mod:`gamepad` and :mod:`command_sock
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
+from rmll_contract.flag import within
 from rmll_gaits.errors import InputError
 from rmll_gaits.table import Commands, nearest
 from rmll_onboard.remote import Button, Remote
 from rmll_onboard.supervisor import NS, Mode, Request
+
+SECONDS = 0.02, 1e6
+"""[s] that a walk may take: from a policy step to twelve days"""
 
 
 class Orders(NamedTuple):
@@ -114,8 +118,8 @@ class FlagPilot:
                 raise InputError(
                     f"--{name} {value:g}: this gait was trained for {low:g} to {high:g}"
                 )
-        if seconds is not None and not seconds > 0:
-            raise InputError(f"--seconds {seconds:g}: expected more than 0")
+        if seconds is not None:
+            within("seconds", seconds, *SECONDS)
         if seconds is None and len(self.frequencies) > 1:
             raise InputError("--frequency with several values needs --seconds to share out")
         self._walking_since: int | None = None

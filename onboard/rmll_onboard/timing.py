@@ -79,7 +79,7 @@ class Timing:
             "tick_us": self.tick.highest(),
             "wake_us": self.wake.highest(),
             "rss_mb": memory_mb("VmHWM"),
-            "pace": {
+            "timekeeping": {
                 "plain_tick_us": self.plain_tick.highest(),
                 "slack_us": self.slack.lowest(),
                 "missed": self.missed,
@@ -103,12 +103,12 @@ def memory_mb(kind: Literal["VmRSS", "VmHWM"]) -> float:
 
 def table(report: dict[str, Any]) -> str:
     """What :meth:`Timing.report` says, for people."""
-    pace = report["pace"]
+    kept = report["timekeeping"]
     rows = {
         "late wake-up": report["wake_us"],
         "policy tick": report["tick_us"],
-        "plain tick": pace["plain_tick_us"],
-        "slack": pace["slack_us"],
+        "plain tick": kept["plain_tick_us"],
+        "slack": kept["slack_us"],
     }
     lines: list[str] = []
     header: list[str] = []
@@ -119,8 +119,8 @@ def table(report: dict[str, Any]) -> str:
             header = list(values)
             lines.append(_line("[us]", header))
         lines.append(_line(name, [f"{value:.0f}" for value in values.values()]))
-    memory = [f"{value:.1f}" for value in pace["memory_mb"]]
-    lines.append(_line("missed deadlines", [str(pace["missed"])]))
+    memory = [f"{value:.1f}" for value in kept["memory_mb"]]
+    lines.append(_line("missed deadlines", [str(kept["missed"])]))
     return "\n".join([*lines, f"{'memory [MB]':18}{' '.join(memory)}"])
 
 

@@ -287,9 +287,9 @@ def test_tick_at_the_real_pace(
     report = benchmark.pedantic(walk, rounds=1)
     least = tell("floor, paced", before + floor())
     ratio = report["tick_us"]["p50"] / least
-    figures = {"tick": report["tick_us"], "plain tick": report["pace"]["plain_tick_us"]}
-    figures |= {"wake-up": report["wake_us"], "slack": report["pace"]["slack_us"]}
-    memory = {"rss_mb": report["rss_mb"], "memory_mb": report["pace"]["memory_mb"]}
+    figures = {"tick": report["tick_us"], "plain tick": report["timekeeping"]["plain_tick_us"]}
+    figures |= {"wake-up": report["wake_us"], "slack": report["timekeeping"]["slack_us"]}
+    memory = {"rss_mb": report["rss_mb"], "memory_mb": report["timekeeping"]["memory_mb"]}
     benchmark.extra_info |= {"pace": pace, "ratio": round(ratio, 2)} | figures | memory
     for name, values in figures.items():
         told = "   ".join(f"{key} {value:.0f}" for key, value in values.items())

@@ -54,9 +54,9 @@ def test_episodes_print_a_table_and_leave_nothing(tmp_path: Path) -> None:
     ("flags", "complaint"),
     [
         ({"speeds": (7.0,)}, "--speeds 7: this gait was trained for -1 to 1"),
-        ({"seconds": 1}, "--seconds 1: expected at least 2"),
-        ({"jobs": 0}, "--jobs 0: expected at least 1"),
-        ({"conditions": Conditions("rough", 10)}, "level is 10, expected 0 to 9"),
+        ({"seconds": 1}, "--seconds 1: expected 2 to 1000000"),
+        ({"jobs": 0}, "--jobs 0: expected 1 to 1024"),
+        ({"conditions": Conditions("rough", 10)}, "--level 10: expected 0 to 9"),
         ({"out": Path("no/grid.png")}, "--out no/grid.png: expected a .png file in a folder"),
         ({"episodes": 2, "speeds": (1.0,)}, "--episodes draws commands: it has no grid to shape"),
     ],

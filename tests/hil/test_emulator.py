@@ -107,10 +107,18 @@ def test_truth_of_a_moved_robot() -> None:
 
 
 @pytest.mark.parametrize(
-    "flag", [{"seed": -1}, {"friction": float("nan")}, {"action_delay_ms": -5}]
+    ("flag", "complaint"),
+    [
+        ({"seed": -1}, "--seed -1: expected at least 0"),
+        ({"friction": float("nan")}, "--friction nan: expected 0.01 to 10"),
+        ({"friction": float("inf")}, "--friction inf: expected 0.01 to 10"),
+        ({"action_delay_ms": -5}, "--action-delay-ms -5: expected 0 to 1000"),
+        ({"command_timeout_ms": 10**9}, "--command-timeout-ms 1000000000: expected 1 to 100000"),
+        ({"level": 10}, "--level 10: expected 0 to 9"),
+    ],
 )
-def test_impossible_settings_are_refused(flag: dict) -> None:
-    with pytest.raises(InputError, match="expected at least"):
+def test_impossible_settings_are_refused(flag: dict, complaint: str) -> None:
+    with pytest.raises(InputError, match=f"^{complaint}$"):
         Emulator(Settings(**flag))
 
 

@@ -115,7 +115,7 @@ def test_a_push_changes_the_bases_velocity_at_once() -> None:
 
 @pytest.mark.parametrize("level", [-1, 10])
 def test_a_level_that_is_not_there_is_refused(level: int) -> None:
-    with pytest.raises(InputError, match=f"^level is {level}, expected 0 to 9$"):
+    with pytest.raises(InputError, match=f"^--level {level}: expected 0 to 9$"):
         emulator("rough", level=level)
 
 

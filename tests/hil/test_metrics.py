@@ -36,7 +36,7 @@ def walk(fault: str | None = None, walked: bool = True) -> Outcome:
         "tick_us": None,
         "wake_us": None,
         "rss_mb": None,
-        "pace": None,
+        "timekeeping": None,
         "packets": {"sent": 1, "received": 1, "rejected": 0, "lost": 0},
     }
     return Outcome(report, log, truth, 1.0)

@@ -2,11 +2,14 @@
 
 import csv
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rmll_gaits.errors import InputError
@@ -18,6 +21,10 @@ FIGURES = [
     *("gait", "seconds", "adherence", "transitions", "off_spec_contact", "vx_error", "wz_error"),
     *("falls", "distance", "energy_per_metre", "cost_of_transport", "realtime_factor"),
     *("tick_us", "wake_us", "rss_mb", "packets"),
+]
+MEASURED = [
+    *("t", "advanced", "off_spec", "vx", "wz", "energy"),
+    *("true_x", "true_y", "true_vx", "true_wz"),
 ]
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 
@@ -32,6 +39,20 @@ def run(*flags: object, cwd: Path) -> tuple[int, str, str]:
     process = start(*flags, cwd=cwd)
     stdout, stderr = process.communicate(timeout=60)
     return process.returncode, stdout, stderr
+
+
+def wait_for_children(process: subprocess.Popen[str]) -> list[int]:
+    """The emulator and the daemon, in this order."""
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    if not children.exists():
+        process.kill()
+        pytest.skip("needs Linux's list of child processes")
+    started: list[str] = []
+    while len(started) < 2:
+        assert process.poll() is None
+        started = children.read_text().split()
+        time.sleep(0.05)
+    return [int(child) for child in started]
 
 
 def test_real_time_over_udp(standing: Path, tmp_path: Path) -> None:
@@ -65,9 +86,12 @@ def test_real_time_over_udp(standing: Path, tmp_path: Path) -> None:
 
 def test_lockstep_prints_the_same_twice_and_keeps_old_runs(standing: Path, tmp_path: Path) -> None:
     flags = ("--policy", standing, "--seconds", 1, "--vx", 0, "--lockstep", "--json", "--seed", 3)
-    (_, first, _), (_, again, _) = (run(*flags, cwd=tmp_path) for _ in range(2))
-    assert first == again
-    assert json.loads(first)["seconds"] == 1
+    (_, first, stderr), (_, again, _) = (run(*flags, cwd=tmp_path) for _ in range(2))
+    figures, same = json.loads(first), json.loads(again)
+    # the one figure of the machine
+    assert f": {figures['realtime_factor']:.2f} x real time\n" in stderr
+    assert figures | {"realtime_factor": 0} == same | {"realtime_factor": 0}
+    assert figures["seconds"] == 1
     assert len(list((tmp_path / "hil-runs").glob("trot-*/summary.json"))) == 2
 
 
@@ -86,8 +110,8 @@ def test_a_fault_plan_is_carried_out(standing: Path, tmp_path: Path) -> None:
         (("--policy", "none.onnx"), "none.onnx: No such file or directory"),
         (("--vx", 7), "--vx 7: this gait was trained for -1 to 1"),
         (("--frequency", 99), "--frequency 99: this gait was trained for 6 to 12"),
-        (("--seed", -1), "seed is -1, expected at least 0"),
-        (("--seconds", 0), "--seconds 0: expected more than 0"),
+        (("--seed", -1), "--seed -1: expected at least 0"),
+        (("--seconds", 0), "--seconds 0: expected 0.02 to 1000000"),
         (("--faults", "none.yaml"), "none.yaml: cannot be read: No such file or directory"),
         (("--out", "."), ". exists already; a run needs a new folder"),
     ],
@@ -107,21 +131,60 @@ def test_what_ails_the_daemon_is_passed_on(tmp_path: Path) -> None:
 
 def test_an_interrupted_run_leaves_nothing_behind(standing: Path, tmp_path: Path) -> None:
     process = start("--policy", standing, "--seconds", 60, "--vx", 0, cwd=tmp_path)
-    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
-    if not children.exists():
-        process.kill()
-        pytest.skip("needs Linux's list of child processes")
-    started: list[str] = []
-    while len(started) < 2:
-        assert process.poll() is None
-        started = children.read_text().split()
-        time.sleep(0.05)
+    started = wait_for_children(process)
     process.terminate()
     _, stderr = process.communicate(timeout=30)
     assert process.returncode == 130
     assert stderr.endswith("rmll-hil: stopped\n")
     assert not any(Path(f"/proc/{child}").exists() for child in started)
     assert not list((tmp_path / "hil-runs").iterdir())
+
+
+def test_a_machine_that_is_too_busy_is_told(standing: Path, tmp_path: Path) -> None:
+    process = start("--policy", standing, "--seconds", 60, "--vx", 0, "--out", "x", cwd=tmp_path)
+    emulator, _ = wait_for_children(process)
+    time.sleep(2)  # it is being stood up
+    os.kill(emulator, signal.SIGSTOP)  # what a busy machine does to it
+    time.sleep(0.3)
+    os.kill(emulator, signal.SIGCONT)
+    stdout, stderr = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "fault" in stdout and "timekeeping" in stdout
+    assert max(map(len, stdout.splitlines())) <= 80
+    told = stderr.splitlines()[-1]
+    assert told.startswith("rmll-hil: the machine is too busy: of ")
+    assert "use --lockstep" in told
+    assert "(the robot went into damping: no state from the robot for " in told
+
+
+@pytest.mark.parametrize(("missed", "lost", "busy"), [(0, 3, False), (2, 9, True), (20, 0, True)])
+def test_a_run_that_kept_time_has_its_own_faults(missed: int, lost: int, busy: bool) -> None:
+    report = {"timekeeping": {"missed": missed}, "packets": {"sent": 500, "lost": lost}}
+    assert (realtime.too_busy(report) is not None) == busy
+
+
+def test_the_figures_are_those_of_the_table_beside_them(tmp_path: Path) -> None:
+    flags = ("--policy", TROT, "--seconds", 3, "--wz", 0.3, "--lockstep", "--json", "--out", "x")
+    code, stdout, stderr = run(*flags, cwd=tmp_path)
+    assert code == 0, stderr
+    figures = json.loads(stdout)
+    with (tmp_path / "x" / "run.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["mode"] == "walking"]
+    walk = {name: np.array([float(row[name]) for row in rows]) for name in MEASURED}
+    walk = {name: values[walk["t"] - walk["t"][0] <= 3 + 1e-6] for name, values in walk.items()}
+    settled = walk["t"] - walk["t"][0] >= 1
+    way = np.hypot(np.diff(walk["true_x"]), np.diff(walk["true_y"])).sum()
+    spent = walk["energy"][-1] - walk["energy"][0]
+    assert figures["seconds"] == pytest.approx(walk["t"][-1] - walk["t"][0])
+    assert figures["distance"] == pytest.approx(way, rel=0.01)
+    assert figures["energy_per_metre"] == pytest.approx(spent / way, rel=0.01)
+    assert figures["cost_of_transport"] == pytest.approx(spent / way / (12.453 * 9.81), rel=0.01)
+    assert figures["transitions"] == walk["advanced"].sum()
+    assert figures["off_spec_contact"] == pytest.approx(walk["off_spec"].mean())
+    for name in ("vx", "wz"):
+        error = np.abs(walk[f"true_{name}"] - walk[name])[settled].mean()
+        assert figures[f"{name}_error"] == pytest.approx(error, abs=0.005)
+    assert figures["packets"]["sent"] == figures["packets"]["received"] + 101
 
 
 @pytest.mark.slow

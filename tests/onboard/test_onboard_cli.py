@@ -192,8 +192,19 @@ def test_check_tells_what_is_in_the_bundle(start):
     contents = json.loads(out)
     assert contents["gait"] == "trot"
     assert contents["trace_steps"] == 40
-    out, _ = start("--check").communicate(timeout=30)
-    assert "trot" in out
+
+
+def test_check_shows_how_a_shipped_policy_came_to_be_on_one_screen(start):
+    out, err = start("--check", "--policy", "trot").communicate(timeout=30)
+    assert err == ""
+    bundle, *lines = out.splitlines()
+    assert bundle.endswith("policies/trot.onnx")
+    assert max(map(len, lines)) <= 80 and len(lines) < 50
+    assert "gait          trot" in lines
+    assert "  settings            (--json tells them)" in lines
+    assert any(line.startswith("    adherence  ") for line in lines)
+    out, _ = start("--check", "--policy", "trot", "--json").communicate(timeout=30)
+    assert json.loads(out)["provenance"]["settings"]["learner"]["gamma"] == 0.99
 
 
 @pytest.mark.parametrize(
@@ -203,7 +214,7 @@ def test_check_tells_what_is_in_the_bundle(start):
         (("--vx", "nan"), "--vx nan"),
         (("--frequency", "5"), "--frequency 5: this gait was trained for 6 to 12"),
         (("--seconds", "3"), "--seconds needs one of --vx, --wz, --frequency"),
-        (("--vx", "0", "--seconds", "-1"), "--seconds -1: expected more than 0"),
+        (("--vx", "0", "--seconds", "-1"), "--seconds -1: expected 0.02 to 1000000"),
         (("--frequency", "12", "6"), "--frequency with several values needs --seconds"),
         (("--vx", "0", "--gamepad", "auto"), "--vx and --gamepad: one can lead, not both"),
         (("--gamepad", "auto", "--commands", "x"), "--gamepad and --commands: one can lead"),

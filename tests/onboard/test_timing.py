@@ -41,7 +41,11 @@ def test_a_stall_is_told_by_the_maximum():
 def test_nothing_counted_is_none():
     timing = Timing()
     report = timing.report()
-    assert (report["tick_us"], report["wake_us"], report["pace"]["slack_us"]) == (None, None, None)
+    assert (report["tick_us"], report["wake_us"], report["timekeeping"]["slack_us"]) == (
+        None,
+        None,
+        None,
+    )
     assert "policy tick" not in table(report)
 
 
@@ -68,7 +72,7 @@ def test_memory_is_looked_at_once_a_minute():
     timing = Timing()
     for second in range(181):
         timing.look_at_memory(5 * MINUTE + second * MINUTE // 60)
-    memory = timing.report()["pace"]["memory_mb"]
+    memory = timing.report()["timekeeping"]["memory_mb"]
     assert len(memory) == 5  # at the start, after one, two and three minutes, and now
     # pages of its own: malloc would give some that are free and resident since an earlier test
     with mmap.mmap(-1, 30 << 20) as ballast:

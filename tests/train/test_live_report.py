@@ -14,7 +14,7 @@ METRICS = {"adherence": 0.97, "vx_error": 1.234, "wz_error": 0.31, "energy_per_m
 
 def shown(*told: Precision | Progress | Judging) -> list[str]:
     screen = io.StringIO()
-    console = Console(file=screen, width=80, force_terminal=True, color_system=None)
+    console = Console(file=screen, width=80, force_terminal=True, color_system=None, markup=False)
     with LiveReport(load_gait("trot").commands, console) as report:
         for progress in told:
             report(progress)

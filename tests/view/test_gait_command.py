@@ -35,8 +35,16 @@ def rmll_gait(monkeypatch, capsys):
 def test_check_prints_period_and_duty_factors(rmll_gait):
     code, out, _ = rmll_gait("check", *library_names(), "--frequency", 9)
     assert code == 0
-    (row,) = (line for line in out.splitlines() if "three_one" in line and "28" in line)
-    assert row.split()[1::2] == ["three_one", "28", "0.56", "0.50", "0.50", "0.36", "0.36"]
+    rows = [line.split() for line in out.splitlines()]
+    assert ["three_one", "28", "0.56", "0.50", "0.50", "0.36", "0.36"] in rows
+
+
+def test_the_table_has_its_units_and_fits_a_terminal(rmll_gait, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    _, out, _ = rmll_gait("check", *library_names())
+    head, *rows = out.splitlines()
+    assert "period [steps]  period [s]" in head
+    assert len(rows) == len(library_names())
 
 
 def test_check_as_json_is_one_object(rmll_gait):
@@ -51,11 +59,13 @@ def test_check_as_json_is_one_object(rmll_gait):
 
 
 def test_check_reports_every_file_and_fails_if_one_has_an_error(rmll_gait, tmp_path):
-    file = tmp_path / "overlap[1].yaml"
+    file = tmp_path / "overlap[red].yaml"
     file.write_text(OVERLAP)
-    code, out, _ = rmll_gait("check", file, "nonsense", "trot")
+    code, out, err = rmll_gait("check", file, "nonsense", "trot", "pronk")
     assert code == 2
-    errors = [line for line in out.splitlines() if line.startswith("error: ")]
+    assert [line.split()[0] for line in out.splitlines()] == ["gait", "trot", "pronk"]
+    assert "warning: pronk.yaml: pose none" in err
+    errors = [line for line in err.splitlines() if line.startswith("error: ")]
     assert len(errors) == 2
     assert f"{file}:7:14: state q0: contact FL BR opens two edges" in errors[0]
     assert "no gait 'nonsense'" in errors[1]
@@ -68,7 +78,7 @@ def test_check_reports_every_file_and_fails_if_one_has_an_error(rmll_gait, tmp_p
     ("words", "message"),
     [
         (["check"], "expected a gait to check"),
-        (["check", "trot", "--frequency", "0"], "--frequency 0, expected 1 to 1000"),
+        (["check", "trot", "--frequency", "0"], "--frequency 0: expected 1 to 1000"),
         (["show", "canter"], "no gait 'canter', expected one of bound"),
     ],
 )

@@ -13,6 +13,7 @@ from rmll_gaits.table import Commands
 from rmll_train import training
 from rmll_train.precision import Precision
 from rmll_train.training import Judging
+from rmll_view.console import console
 
 QUIET_SECONDS = 30.0
 """Between two lines without a terminal"""
@@ -21,17 +22,17 @@ QUIET_SECONDS = 30.0
 class LiveReport:
     """Both lines fit into 80 columns. Errors are told as shares of a standing robot's."""
 
-    def __init__(self, commands: Commands, console: Console | None = None):
+    def __init__(self, commands: Commands, screen: Console | None = None):
         self._commands = commands
-        console = console or Console(stderr=True)
+        screen = screen or console(stderr=True)
         self._bar = Progress(
             TextColumn("{task.description}", markup=False), BarColumn(14), TaskProgressColumn(),
             TimeRemainingColumn(), TextColumn("left", markup=False),
         )  # fmt: skip
         self._task = self._bar.add_task("training")
         self._figures = Text("", no_wrap=True, overflow="ellipsis")
-        self._terminal = console.is_terminal
-        self._live = Live(Group(self._bar, self._figures), console=console)
+        self._terminal = screen.is_terminal
+        self._live = Live(Group(self._bar, self._figures), console=screen)
         self._told = time.monotonic()
 
     def __enter__(self) -> "LiveReport":

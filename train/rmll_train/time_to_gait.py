@@ -16,7 +16,6 @@ from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -28,6 +27,7 @@ from rmll_train.evaluation import Judgement
 from rmll_train.provenance import origin
 from rmll_train.settings import Settings, overlaid
 from rmll_train.training import Run
+from rmll_view.console import console
 
 EVERY = 250_000
 """Environment steps between two judgements"""
@@ -172,7 +172,7 @@ def measure(
         limit: environment steps after which a run is given up.
         out: one line a run; runs that have their line are not repeated.
     """
-    console = Console(stderr=True)
+    messages = console(stderr=True)
     lines = out.read_text().splitlines() if out.exists() else []
     try:
         results = [Emergence(**json.loads(line)) for line in lines]
@@ -183,10 +183,10 @@ def measure(
     chosen = tuple(WITHOUT) if "all" in without else without
     for run in product(gaits, seeds, chosen):
         if not any((found.gait, found.seed, found.without) == run for found in results):
-            results.append(time_to_gait(*run, limit, console.print))
+            results.append(time_to_gait(*run, limit, messages.print))
             with out.open("a") as file:
                 file.write(json.dumps(asdict(results[-1])) + "\n")
-    Console().print(_table(results))
+    console().print(_table(results))
 
 
 if __name__ == "__main__":

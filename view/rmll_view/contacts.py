@@ -2,22 +2,27 @@
 
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from rmll_gaits.label import FEET
 from rmll_gaits.pose import BITS, PAPER_FEET
 from rmll_gaits.schedule import POLICY_HZ, main_cycle
 from rmll_gaits.table import MachineTable
-from rmll_view.palette import FOOT_COLOURS, HIGHLIGHT, INK, REJECT, state_colour
+from rmll_view.expected import DOWN, EITHER, at_odds, expected
+from rmll_view.palette import FOOT_COLOURS, HIGHLIGHT, INK, MUTED, PAPER, REJECT, state_colour
 
 Times = NDArray[np.float64]
 Span = tuple[float, float]
 """From and to [s]"""
 
+PALE = 0.5
+"""Opacity of what is expected"""
 _COLUMN = {name: BITS[name].bit_length() - 1 for name in PAPER_FEET}
 
 
@@ -34,12 +39,63 @@ def draw_contacts(
     if down.shape != (len(times), len(FEET)):
         raise ValueError(f"down has shape {down.shape}, expected {(len(times), len(FEET))}")
     for row, name in enumerate(PAPER_FEET):
-        runs = _runs(times, down[:, _COLUMN[name]])
-        bars = [(start, end - start) for start, end, value in runs if value]
-        axes.broken_barh(bars, (row - 0.36, 0.72), color=FOOT_COLOURS[name], linewidth=0)
+        shown = down[:, _COLUMN[name]]
+        _bars(axes, times, shown, (row - 0.36, 0.72), color=FOOT_COLOURS[name], linewidth=0)
     axes.set_yticks(range(len(PAPER_FEET)), PAPER_FEET)
     axes.set_ylim(len(PAPER_FEET) - 0.5, -0.5)
     _finish(axes, times, highlight)
+
+
+def draw_comparison(
+    axes: Axes,
+    times: Times,
+    down: NDArray[np.bool_],
+    states: NDArray[np.int64],
+    off_spec: NDArray[np.bool_],
+    table: MachineTable,
+    *,
+    highlight: Span | None = None,
+) -> None:
+    """Draw per foot what the automaton expects, thin and pale, above what was measured.
+
+    Steps that are ``off_spec`` (T,) are red across both, and the feet that make them so: filled
+    where one is down that should not be, hollow where one is missing. Thin and hollow is a foot
+    that may be down. Other arguments as in :func:`draw_contacts` and :func:`draw_states`.
+    """
+    pose, wrong = expected(states, table), at_odds(states, down, off_spec, table)
+    for start, end, odd in _runs(times, off_spec):
+        if odd:
+            axes.axvspan(start, end, color=REJECT, alpha=0.13, linewidth=0, zorder=0.5)
+    for row, name in enumerate(PAPER_FEET):
+        foot, colour = _COLUMN[name], FOOT_COLOURS[name]
+        thin, thick = (row - 0.40, 0.16), (row - 0.20, 0.58)
+        touching, odd = down[:, foot], wrong[:, foot]
+        _bars(axes, times, pose[:, foot] == DOWN, thin, color=colour, alpha=PALE, linewidth=0)
+        _bars(axes, times, pose[:, foot] == EITHER, thin, edgecolor=colour, facecolor=PAPER)
+        _bars(axes, times, touching, thick, color=colour, linewidth=0)
+        _bars(axes, times, touching & odd, thick, color=REJECT, linewidth=0)
+        _bars(axes, times, ~touching & odd, thick, edgecolor=REJECT, facecolor=PAPER)
+    axes.set_yticks(range(len(PAPER_FEET)), PAPER_FEET)
+    axes.set_ylim(len(PAPER_FEET) - 0.5, -0.5)
+    _finish(axes, times, highlight)
+
+
+def _legend(either: bool) -> list[Patch]:
+    return [
+        Patch(color=MUTED, alpha=PALE, label="expected in this state", linewidth=0),
+        *([Patch(edgecolor=MUTED, facecolor=PAPER, label="may be down")] if either else []),
+        Patch(color=MUTED, label="measured", linewidth=0),
+        Patch(color=REJECT, label="off-spec: a foot too many", linewidth=0),
+        Patch(edgecolor=REJECT, facecolor=PAPER, label="off-spec: a foot missing"),
+    ]
+
+
+def _bars(
+    axes: Axes, times: Times, shown: NDArray[np.bool_], rows: tuple[float, float], **style: Any
+) -> None:
+    """Bars wherever ``shown``, from and height in ``rows``."""
+    bars = [(start, end - start) for start, end, value in _runs(times, shown) if value]
+    axes.broken_barh(bars, rows, **style)
 
 
 def draw_states(
@@ -64,31 +120,31 @@ def contact_figure(
     down: NDArray[np.bool_],
     states: NDArray[np.int64],
     table: MachineTable,
+    off_spec: NDArray[np.bool_],
     title: str,
     *,
     window: float = 3.0,
-    off_spec: NDArray[np.bool_] | None = None,
 ) -> None:
-    """Save contacts and states as a picture, one full cycle of the gait set off.
+    """Save contacts, expected and measured, and states as a picture, one full cycle set off.
 
     Shown are ``window`` seconds around the full cycle nearest to the middle of the log. Arrays
-    as in :func:`draw_contacts` and :func:`draw_states`, T at least 1; steps that are ``off_spec``
-    (T,) are marked. The picture's format follows from the suffix of ``path``.
+    as in :func:`draw_comparison` and :func:`draw_states`, T at least 1. The picture's format
+    follows from the suffix of ``path``.
     """
     cycle = find_cycle(times, states, table)
     middle = sum(cycle) / 2 if cycle else (times[0] + times[-1]) / 2
     shown = np.abs(times - middle) <= window / 2
-    times, down, states = times[shown], down[shown], states[shown]
-    figure = Figure(figsize=(10, 3.4), layout="constrained")
-    upper, lower = figure.subplots(2, sharex=True, height_ratios=(5, 1))
+    times, down, states, off_spec = times[shown], down[shown], states[shown], off_spec[shown]
+    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    upper, lower = figure.subplots(2, sharex=True, height_ratios=(7, 1))
     if cycle:
         title += f"; a cycle takes {cycle[1] - cycle[0]:.2f} s"
     figure.suptitle(title, parse_math=False)
-    draw_contacts(upper, times, down, highlight=cycle)
+    draw_comparison(upper, times, down, states, off_spec, table, highlight=cycle)
     draw_states(lower, times, states, table.states)
-    if off_spec is not None:
-        _mark(upper, times[off_spec[shown]])
     lower.set_xlabel("time [s]")
+    either = bool((expected(states, table) == EITHER).any())
+    figure.legend(handles=_legend(either), loc="outside lower center", ncols=5, frameon=False)
     figure.savefig(path, dpi=150)
 
 
@@ -123,13 +179,6 @@ def _runs(times: Times, values: NDArray) -> list[tuple[float, float, int]]:
     edges = [times[0], *times[changes], _end(times)]
     held = [int(values[i]) for i in (0, *changes)]
     return [(float(a), float(b), v) for (a, b), v in zip(pairwise(edges), held, strict=True)]
-
-
-def _mark(axes: Axes, times: Times) -> None:
-    """A stroke over the first bar for each step that the automaton does not explain."""
-    strokes = [(time, 1 / POLICY_HZ) for time in times]
-    axes.broken_barh(strokes, (-0.5, 0.08), color=REJECT, linewidth=0)
-    axes.set_ylabel("red: off-spec", color=REJECT, size=8)
 
 
 def _end(times: Times) -> float:

@@ -7,11 +7,11 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 from matplotlib.figure import Figure
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from rmll_contract.command import run
+from rmll_contract.flag import within
 from rmll_contract.output import output_file
 from rmll_gaits.compile import compile_gait
 from rmll_gaits.errors import InputError
@@ -22,6 +22,7 @@ from rmll_gaits.pose import PAPER_FEET
 from rmll_gaits.schedule import POLICY_HZ, Schedule, schedule
 from rmll_gaits.table import MachineTable
 from rmll_view import terminal
+from rmll_view.console import console
 from rmll_view.contacts import draw_contacts, draw_states
 from rmll_view.machine import draw_machine
 
@@ -94,10 +95,10 @@ def show(
     if json:
         _print_json(table.to_dict())
     elif not (svg or png):
-        console = Console(highlight=False)
-        console.print(Text(spec.gait, "bold"), Text(spec.description), sep="  ")
-        console.print(terminal.machine(table))
-        console.print(terminal.contacts(table, plan, console.width))
+        screen = console()
+        screen.print(Text(spec.gait, "bold"), spec.description, sep="  ")
+        screen.print(terminal.machine(table))
+        screen.print(terminal.contacts(table, plan, screen.width))
 
 
 def figure(table: MachineTable, plan: Schedule, title: str) -> Figure:
@@ -130,8 +131,7 @@ def _findings(gait: str) -> list[Finding]:
 def _plan(table: MachineTable, frequency: float | None) -> Schedule:
     if frequency is None:
         frequency = sum(table.commands.frequency) / 2
-    if not 1 <= frequency <= 1000:
-        raise InputError(f"--frequency {frequency:g}, expected 1 to 1000 policy steps")
+    within("frequency", frequency, 1, 1000)
     return schedule(table, frequency)
 
 
@@ -145,18 +145,20 @@ def _report(findings: dict[str, list[Finding]], plans: dict[str, Schedule]) -> d
 
 
 def _print_report(findings: dict[str, list[Finding]], plans: dict[str, Schedule]) -> None:
-    console = Console(highlight=False)
+    messages = console(stderr=True)
     colours = {"error": "bold red", "warning": "yellow"}
     for finding in (finding for found in findings.values() for finding in found):
         line = Text.assemble((finding.level, colours[finding.level]), f": {finding.message}")
-        console.print(line, soft_wrap=True)
+        messages.print(line, soft_wrap=True)
     if not plans:
         return
-    rows = Table("gait", "period [steps]", "period [s]", *(f"duty {foot}" for foot in PAPER_FEET))
+    rows = Table("gait", box=None, padding=(0, 2, 0, 0))
+    for head in ("period [steps]", "period [s]", *(f"duty {foot}" for foot in PAPER_FEET)):
+        rows.add_column(head, justify="right")
     for gait, plan in plans.items():
         duty = (f"{share:.2f}" for share in plan.duty.values())
-        rows.add_row(Text(gait), str(plan.period_steps), f"{plan.period:.2f}", *duty)
-    console.print(rows)
+        rows.add_row(gait, str(plan.period_steps), f"{plan.period:.2f}", *duty)
+    console().print(rows)
 
 
 def _print_json(data: dict[str, Any]) -> None:
