@@ -15,7 +15,7 @@ from rmll_train.safety_limits import SafetyLimits
 from rmll_train.settings import Ground, World
 from rmll_train.tally import Tally
 
-ROBOTS = 128
+ROBOTS = 64
 SECONDS = 10.0
 """of each judged walk"""
 WHERE = "on flat ground, over the gait's whole range of commands, with noise, without pushes"
