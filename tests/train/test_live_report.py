@@ -7,22 +7,25 @@ from rich.console import Console
 from rmll_gaits.load import load_gait
 from rmll_train.live_report import LiveReport
 from rmll_train.precision import Precision
-from rmll_train.training import Judging, Progress
+from rmll_train.training import Judging, Progress, Start
 
 METRICS = {"adherence": 0.97, "vx_error": 1.234, "wz_error": 0.31, "energy_per_metre": 12345.0}
 
 
-def shown(*told: Precision | Progress | Judging) -> list[str]:
+START = Start(Precision(True, 2.0), load_gait("trot").commands)
+
+
+def shown(*told: Progress | Judging) -> list[str]:
     screen = io.StringIO()
     console = Console(file=screen, width=80, force_terminal=True, color_system=None, markup=False)
-    with LiveReport(load_gait("trot").commands, console) as report:
-        for progress in told:
+    with LiveReport(console) as report:
+        for progress in (START, *told):
             report(progress)
     return screen.getvalue().replace("\r", "\n").splitlines()
 
 
 def test_time_left_bar_and_figures_show_in_80_columns() -> None:
-    lines = shown(Precision(True, 2.0), Progress(11_980_000, 12_000_000, 123_456.0, METRICS, {}))
+    lines = shown(Progress(11_980_000, 12_000_000, 123_456.0, METRICS, {}))
     whole = "\n".join(lines)
     assert "matrix products in bfloat16: a mini-batch in bfloat16 takes 0.50" in whole
     assert any("11.98 M steps, 123,456/s" in line and "left" in line for line in lines)

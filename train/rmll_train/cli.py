@@ -11,20 +11,11 @@ import yaml
 
 from rmll_contract import command
 from rmll_gaits.errors import InputError
-from rmll_gaits.load import library_names, load_gait
+from rmll_gaits.load import is_gait_file, library_names, load_gait
 from rmll_train import settings as settings_file
 from rmll_train.live_report import LiveReport
 from rmll_train.settings import Settings
 from rmll_train.training import RESULT, SETTINGS, train
-
-Count = Annotated[
-    int,
-    tyro.constructors.PrimitiveConstructorSpec(
-        nargs=1, metavar="INT", instance_from_str=lambda texts: count(texts[0]),
-        is_instance=lambda value: isinstance(value, int), str_from_instance=lambda n: [str(n)],
-    ),
-]  # fmt: skip
-"""A whole number, which may be written as 3000000, 3e6 or 3M"""
 
 
 def main() -> None:
@@ -37,8 +28,8 @@ def _train(
     gait: str = "",
     preset: Literal["default", "paper"] = "default",
     settings: Path | None = None,
-    steps: Count | None = None,
-    envs: Count | None = None,
+    steps: str | None = None,
+    envs: int | None = None,
     seed: int | None = None,
     runs: Path = Path("runs"),
     resume: Path | None = None,
@@ -71,14 +62,13 @@ def _train(
         if not gait and settings is None:
             raise InputError(f"name a gait, such as {', '.join(library_names())}, or a gait file")
         chosen = _chosen(gait, preset, settings, envs, seed)
-        name = f"{datetime.now():%Y%m%d-%H%M%S}-seed{chosen.seed}"
-        folder = runs / load_gait(chosen.gait).gait / name
+        begun = f"{datetime.now():%Y%m%d-%H%M%S}-seed{chosen.seed}"
+        folder = runs / load_gait(chosen.gait).gait / begun
     if steps is not None:
-        chosen = replace(chosen, learner=replace(chosen.learner, steps=steps))
+        chosen = replace(chosen, learner=replace(chosen.learner, steps=count("steps", steps)))
     chosen.check()
 
-    commands = load_gait(chosen.gait).commands
-    with LiveReport(commands) as report:
+    with LiveReport() as report:
         finished = train(folder, chosen, report, resume=resume is not None)
     if not finished:
         print(f"stopped; go on with: rmll-train --resume {folder}")
@@ -106,15 +96,15 @@ def _summary(folder: Path, result: dict[str, Any]) -> list[str]:
     return lines
 
 
-def count(text: str) -> int:
-    """The number in ``3000000``, ``3_000_000``, ``3e6``, ``1.5M`` or ``200k``.
+def count(flag: str, text: str) -> int:
+    """The whole number in ``3000000``, ``3_000_000``, ``3e6``, ``1.5M`` or ``200k``.
 
-    Raises ValueError if the text is no whole number.
+    Raises InputError, which names the flag, for anything else.
     """
-    found = re.fullmatch(r"(\d[\d_]*(?:\.\d+)?(?:[eE]\+?\d{1,2})?)([kM]?)", text)
+    found = re.fullmatch(r"(\d[\d_]*(?:\.\d+)?(?:[eE]\+?\d)?)([kM]?)", text)
     value = float(found[1]) * {"": 1, "k": 1e3, "M": 1e6}[found[2]] if found else 0.5
     if not value.is_integer():
-        raise ValueError(f"{text!r} is no whole number, expected such as 3000000, 3e6 or 3M")
+        raise InputError(f"--{flag} {text}: expected a whole number, such as 3000000, 3e6 or 3M")
     return int(value)
 
 
@@ -128,7 +118,7 @@ def _chosen(
     world = chosen.world if envs is None else replace(chosen.world, envs=envs)
     seed = chosen.seed if seed is None else seed
     gait = gait or chosen.gait
-    if gait not in library_names():
+    if is_gait_file(gait):
         gait = str(Path(gait).absolute())  # so that the run can be resumed from any folder
     return replace(chosen, gait=gait, seed=seed, world=world)
 

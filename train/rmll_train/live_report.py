@@ -11,8 +11,7 @@ from rich.text import Text
 from rmll_contract.usefulness import share
 from rmll_gaits.table import Commands
 from rmll_train import training
-from rmll_train.precision import Precision
-from rmll_train.training import Judging
+from rmll_train.training import Judging, Start
 from rmll_view.console import console
 
 QUIET_SECONDS = 30.0
@@ -22,8 +21,8 @@ QUIET_SECONDS = 30.0
 class LiveReport:
     """Both lines fit into 80 columns. Errors are told as shares of a standing robot's."""
 
-    def __init__(self, commands: Commands, screen: Console | None = None):
-        self._commands = commands
+    def __init__(self, screen: Console | None = None):
+        self._commands: Commands | None = None
         screen = screen or console(stderr=True)
         self._bar = Progress(
             TextColumn("{task.description}", markup=False), BarColumn(14), TaskProgressColumn(),
@@ -44,9 +43,10 @@ class LiveReport:
         if self._terminal:
             self._live.stop()
 
-    def __call__(self, progress: Precision | training.Progress | Judging) -> None:
-        if isinstance(progress, Precision):
-            self._live.console.print(Text(str(progress)))
+    def __call__(self, progress: Start | training.Progress | Judging) -> None:
+        if isinstance(progress, Start):
+            self._commands = progress.commands
+            self._live.console.print(str(progress.precision))
             return
         if isinstance(progress, Judging):
             self._bar.update(
@@ -65,6 +65,7 @@ class LiveReport:
             print(f"{speed}  {figures}  {left / 60:.0f} min left", file=sys.stderr, flush=True)
 
     def _described(self, metrics: dict[str, float]) -> str:
+        assert self._commands is not None, "a run begins with its start"
         vx = share(metrics["vx_error"], self._commands.vx)
         wz = share(metrics["wz_error"], self._commands.wz)
         return (

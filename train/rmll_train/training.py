@@ -14,7 +14,7 @@ from torch.utils.tensorboard import SummaryWriter
 from rmll_gaits.changes import changes
 from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait, load_text
-from rmll_gaits.table import MachineTable
+from rmll_gaits.table import Commands, MachineTable
 from rmll_robots import A1
 from rmll_train import precision
 from rmll_train import settings as settings_file
@@ -59,8 +59,16 @@ class Judging:
     """policy steps"""
 
 
-Report = Callable[[Precision | Progress | Judging], None]
-"""Told first how matrix products are done, then of each update, then of the judgement"""
+@dataclass(frozen=True)
+class Start:
+    """What a reporter is shown first."""
+
+    precision: Precision
+    commands: Commands
+    """The gait's ranges"""
+
+
+Report = Callable[[Start | Progress | Judging], None]
 
 
 def train(folder: Path, settings: Settings, report: Report, resume: bool) -> bool:
@@ -73,7 +81,7 @@ def train(folder: Path, settings: Settings, report: Report, resume: bool) -> boo
     """
     gait = _unchanged(settings.gait, folder) if resume else load_gait(settings.gait)
     run = Run(settings, gait)
-    report(run.precision)
+    report(Start(run.precision, gait.commands))
     if resume:
         saved = load_checkpoint(folder)
         try:
