@@ -12,7 +12,7 @@ from rmll_gaits.load import load_gait
 from rmll_gaits.machine import Machine
 from rmll_gaits.table import Commands
 from rmll_robots import A1
-from rmll_train import reward
+from rmll_train import ending, reward
 from rmll_train.environment import GaitEnv
 from rmll_train.golden_trace import ALIKE
 from rmll_train.settings import (
@@ -252,6 +252,17 @@ def test_a_broken_limit_ends_the_episode_or_earns_nothing(mistakes: str) -> None
         assert mistakes == "end" or (rewards == 0).all()
 
 
+def test_a_joint_that_turns_faster_than_the_robots_breaks_a_limit() -> None:
+    env = make(randomisation=ALIKE)
+    limits, unchanged = env.world.terminations, torch.zeros(ENVS, 12)
+    assert not ending.beyond_limits(env.simulation, limits, unchanged).any()
+    env.simulation.joint_velocity[3, 5] = -1.01 * A1.velocity_limit
+    beyond = ending.beyond_limits(env.simulation, limits, unchanged)
+    assert beyond.nonzero().tolist() == [[3]]
+    papers = paper(Settings()).world.terminations
+    assert not ending.beyond_limits(env.simulation, papers, unchanged).any()
+
+
 def test_robots_differ_within_the_settings() -> None:
     settings, simulation = Settings().world.randomisation, make().simulation
     trunk, model = simulation._trunk, simulation._model
@@ -391,18 +402,6 @@ def test_the_papers_tracking_is_one_kernel() -> None:
         env.simulation, still(torch.zeros(ENVS, 3)), settings, fine, 1.0, env.dt
     )
     assert weighted["velocity_x"].tolist() == pytest.approx([np.exp(-1.0)] * ENVS)
-
-
-def test_only_what_joints_turn_too_fast_costs() -> None:
-    env, settings = make(), Rewards()
-    env.simulation.joint_velocity = torch.full((ENVS, 12), 0.9 * A1.velocity_limit)
-    motion = still(env.command)
-    assert not reward.terms(env.simulation, motion, settings, FINE, 1.0, env.dt)[
-        "joint_speed"
-    ].any()
-    env.simulation.joint_velocity[:, 2] -= 2 * 0.9 * A1.velocity_limit + 3.0
-    cost = reward.terms(env.simulation, motion, settings, FINE, 1.0, env.dt)["joint_speed"]
-    assert cost.tolist() == pytest.approx([3.0 * settings.joint_speed] * ENVS, rel=1e-4)
 
 
 def test_only_what_feet_are_lifted_beyond_the_free_height_costs() -> None:

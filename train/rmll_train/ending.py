@@ -21,10 +21,12 @@ def down(simulation: Simulation, limit: Terminations) -> Tensor:
 def beyond_limits(simulation: Simulation, limit: Terminations, action_change: Tensor) -> Tensor:
     """Robots (n,) whose posture, joints or change of action (n, 12) break a limit."""
     position, margin = simulation.joint_position, limit.joint_margin
+    fastest = limit.joint_speed * simulation.robot.velocity_limit
     lower, upper = simulation.joint_lower - margin, simulation.joint_upper + margin
     return (
         (simulation.base_height < limit.base_height)
         | (simulation.foot_height.amax(1) > limit.foot_height)
         | ((position < lower) | (position > upper)).any(1)
+        | (simulation.joint_velocity.abs().amax(1) > fastest)
         | (action_change.abs().sum(1) > limit.action_rate)
     )

@@ -16,8 +16,7 @@ AIR_TIME_TARGET = 0.5
 SPEED_OFFSET = 0.5
 """[m/s] added to the speed by which power is divided: stepping on the spot costs too"""
 SOFT_LIMIT = 0.9
-"""Share of the joint range that costs nothing (legged_gym's soft_dof_pos_limit), and of the joint
-speed limit"""
+"""Share of the joint range that costs nothing (legged_gym's soft_dof_pos_limit)"""
 LEAST_PROMPTNESS = 0.25
 LEAST_SPEED = 0.25
 """[m/s], [rad/s] that the largest command counts as at least, for the narrow kernels"""
@@ -81,7 +80,6 @@ def terms(
         "air_time": air_time,
         "action_rate": (motion.last_action - motion.action).square().sum(1),
         "joint_limit": _beyond_limits(simulation),
-        "joint_speed": _too_fast(simulation),
         "foot_lift": (simulation.foot_height - settings.free_lift).clamp(min=0).sum(1),
         "power": (torque * joint_velocity).abs().sum(1) / (progress + SPEED_OFFSET),
     }
@@ -111,11 +109,6 @@ def _track(error: Tensor, wide: float, fine: float, narrowed: float) -> Tensor:
     """The mean of a wide kernel, which leads from afar, and a narrow one, for exactness."""
     square = error.square() * narrowed
     return ((-square / wide).exp() + (-square / fine).exp()) / 2
-
-
-def _too_fast(simulation: Simulation) -> Tensor:
-    limit = SOFT_LIMIT * simulation.robot.velocity_limit
-    return (simulation.joint_velocity.abs() - limit).clamp(min=0).sum(1)
 
 
 def _beyond_limits(simulation: Simulation) -> Tensor:

@@ -54,8 +54,6 @@ class Rewards:
     0 = strict from the beginning, as in the paper"""
     joint_limit: float = -10.0
     """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
-    joint_speed: float = -0.2
-    """sum of the rad/s beyond 90 % of the limit at which the robot's daemon stops; ours"""
     power: float = -0.01
     """sum |torque x joint velocity| / (v + 0.5 m/s) [N], where v is the speed in the wanted
     direction, at most |c_x|: about the energy per metre, so that it weighs as much at every speed
@@ -146,6 +144,9 @@ class Terminations:
     """sum of |change of action|"""
     foot_height: float = 0.25
     """[m] higher than this"""
+    joint_speed: float = 1.0
+    """Share of the robot's joint speed limit, beyond which its daemon stops it. A cost on it from
+    the beginning made speeds be followed later, and joints no slower"""
 
 
 @dataclass(frozen=True)
@@ -271,7 +272,7 @@ def paper(settings: Settings) -> Settings:
     """The paper's observation, rewards and learner; what we added is off."""
     rewards = replace(
         settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0,
-        joint_speed=0.0, fine_share=0.0, velocity_yaw=0.5,
+        fine_share=0.0, velocity_yaw=0.5,
         pressure=(1.0, 1.0), strict_above=0.0, promptness=0.0,
     )  # fmt: skip
     randomisation = replace(
@@ -282,6 +283,7 @@ def paper(settings: Settings) -> Settings:
         settings.world, profile="paper", command_interval=settings.world.episode, start="first",
         first_clearance=settings.world.clearance, first_gravity=1.0, mistakes="end",
         rewards=rewards, randomisation=randomisation,
+        terminations=replace(settings.world.terminations, joint_speed=1000.0),
     )  # fmt: skip
     learner = replace(settings.learner, steps=100_000_000, normalise_returns=False, bf16=False,
                       clip_value=True, symmetry=False, rate_range=(1e-5, 1e-2),
