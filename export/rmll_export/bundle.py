@@ -17,26 +17,22 @@ from rmll_export.checkpoint import Checkpoint
 from rmll_export.graph import build
 from rmll_gaits.errors import Failure, InputError
 from rmll_onboard.bundle import load_bundle
-from rmll_onboard.controller import prove
-
-TOLERANCE = 1e-5
-"""Largest difference between onnxruntime and the learner's network, as a share of the largest
-number in the answer or of 1"""
+from rmll_onboard.controller import TRACE_TOLERANCE, prove
 
 
 def export(checkpoint: Checkpoint, path: Path) -> float:
     """Write the bundle to ``path``; returns the largest difference from the learner's answers.
 
-    Nothing is written, and Failure raised, if onnxruntime does not give the learner's answers on
-    its random probes and on the golden trace to within ``TOLERANCE``, or if the daemon would refuse
-    the bundle.
+    Nothing is written, and Failure raised, if onnxruntime does not give the learner's answers, on
+    its random probes and on the golden trace, to within what the daemon allows, or if the daemon
+    would refuse the bundle.
     """
     model = build(checkpoint)
     difference = verify(model.SerializeToString(), checkpoint)
-    if not difference < TOLERANCE:
+    if not difference < TRACE_TOLERANCE:
         raise Failure(
             f"{checkpoint.source}: onnxruntime differs from the learner by {difference:.2g}, "
-            f"expected less than {TOLERANCE:.0e}"
+            f"expected less than {TRACE_TOLERANCE:.0e}"
         )
     unsealed = msgspec.structs.replace(
         checkpoint.contract, graph_sha256=graph_sha256(model.SerializeToString())
