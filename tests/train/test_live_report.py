@@ -27,7 +27,7 @@ def shown(*told: Progress | Judging) -> list[str]:
 def test_time_left_bar_and_figures_show_in_80_columns() -> None:
     lines = shown(Progress(11_980_000, 12_000_000, 123_456.0, METRICS, {}))
     whole = "\n".join(lines)
-    assert "matrix products in bfloat16: a mini-batch in bfloat16 takes 0.50" in whole
+    assert "matrix products in bfloat16: bfloat16 takes 0.50 of" in whole
     assert any("11.98 M steps, 123,456/s" in line and "left" in line for line in lines)
     assert any(line.strip("\x1b[2K").endswith("12345 J/m") and "vx 247%" in line for line in lines)
     assert "…" not in whole

@@ -32,10 +32,8 @@ def test_a_joint_that_keeps_turning_too_fast_is_told_with_how_fast_and_how_often
     for _ in range(3):
         watched.observe(NO_ACTION)
     (said,) = watched.touched()
-    assert said == (
-        "in 1 of 4 walks a joint turned at up to 22.6 rad/s; the daemon allows "
-        f"{Safety().joint_speed:g}"
-    )
+    limit = Safety().joint_speed
+    assert said == f"a joint turned at 22.6 rad/s, limit {limit:g}, in 1 of 4 walks"
 
 
 def test_a_single_moment_passes_as_it_does_in_the_daemon() -> None:
@@ -54,5 +52,5 @@ def test_wild_actions_and_a_stuck_gait_are_told() -> None:
     for _ in range(4):
         watched.observe(wild)
     action, stuck = watched.touched()
-    assert action.startswith("in 1 of 4 walks the policy's largest action was up to 2.5 of its")
-    assert stuck.startswith("in 1 of 4 walks no transition came for up to 11 times c_f")
+    assert action == "an action was 2.5 times its range, limit 2, in 1 of 4 walks"
+    assert stuck == "no transition came for 11 times c_f, limit 10, in 1 of 4 walks"

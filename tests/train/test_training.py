@@ -23,9 +23,9 @@ from rmll_onboard.bundle import load_bundle
 from rmll_onboard.controller import prove
 from rmll_robots import A1
 from rmll_train.checkpoint import load_checkpoint, save_checkpoint
-from rmll_train.cli import _chosen, _continued, count
+from rmll_train.cli import _chosen, _continued, _summary, count
 from rmll_train.environment import GaitEnv
-from rmll_train.evaluation import evaluate
+from rmll_train.evaluation import WHERE, evaluate
 from rmll_train.golden_trace import golden_trace
 from rmll_train.learner import GaitPPO
 from rmll_train.precision import Precision
@@ -402,3 +402,16 @@ def test_the_golden_trace_is_one_episode_from_its_start() -> None:
     trace = golden_trace(learner().policy, load_gait("trot"), A1, SMALL.world)
     assert trace.state[0] == 0 and trace.phi[0] == 0 and trace.label[0] == 15
     assert len({len(getattr(trace, name)) for name in trace.__struct_fields__}) == 1
+
+
+def test_a_finished_run_is_told_in_80_columns() -> None:
+    metrics = {"adherence": 0.915, "vx_error": 0.148, "wz_error": 0.399, "falls": 212.0,
+               "off_spec_contact": 0.35}  # fmt: skip
+    limits = ["a joint was past its limit by 0.0797 rad, limit 0.05, in 12 of 64 walks"]
+    result = {"metrics": metrics, "measured": WHERE, "limits": limits, "useful": False,
+              "shortfalls": ["212 falls, none wanted"], "steps": 15_015_936}  # fmt: skip
+    folder = Path("runs/rotary_gallop/20261201-092532-seed0")
+    for told in (_summary(folder, result), _summary(folder, result | {"useful": True})):
+        assert max(map(len, told)) <= 80
+        assert f"  {limits[0]}" in told
+    assert "not useful yet:" in _summary(folder, result)

@@ -86,8 +86,12 @@ def _summary(folder: Path, result: dict[str, Any]) -> list[str]:
         f"  adherence {metrics['adherence']:.3f}, vx error {metrics['vx_error']:.3f} m/s, "
         f"wz error {metrics['wz_error']:.3f} rad/s, {metrics['falls']:.0f} falls",
         f"  feet touch otherwise than the rules say {metrics['off_spec_contact']:.0%} of the time",
-        *(f"  {limit}" for limit in result["limits"]),
     ]
+    if result["limits"]:
+        lines += [
+            "beyond what the robot's daemon allows:",
+            *(f"  {one}" for one in result["limits"]),
+        ]
     if result["useful"]:
         lines.append(f"useful; export with: rmll-export {folder}")
     else:

@@ -18,7 +18,7 @@ from rmll_train.tally import Tally
 ROBOTS = 64
 SECONDS = 10.0
 """of each judged walk"""
-WHERE = "on flat ground, over the gait's whole range of commands, with noise, without pushes"
+WHERE = "on flat ground, over all commands, with noise, without pushes"
 """What :class:`Judge` measures"""
 
 AfterStep = Callable[[int, Tensor], None]

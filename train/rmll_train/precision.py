@@ -29,10 +29,8 @@ class Precision:
         name = "bfloat16" if self.bf16 else "float32"
         if self.gain is None:
             return f"matrix products in {name}, as the settings say"
-        return (
-            f"matrix products in {name}: a mini-batch in bfloat16 takes {1 / self.gain:.2f} of "
-            "the time in float32 here"
-        )
+        share = 1 / self.gain
+        return f"matrix products in {name}: bfloat16 takes {share:.2f} of float32's time here"
 
 
 def choose(settings: Settings) -> Precision:

@@ -35,8 +35,8 @@ class SafetyLimits:
         self._limits = {
             "speed": _Limit("a joint turned at", "rad/s", safety.joint_speed, patience),
             "joint": _Limit("a joint was past its limit by", "rad", -safety.joint_margin, patience),
-            "power": _Limit("all joints together took", "W", safety.power, patience),
-            "action": _Limit("the policy's largest action was", "of its range", WILD,
+            "power": _Limit("the joints together took", "W", safety.power, patience),
+            "action": _Limit("an action was", "times its range", WILD,
                              safety.action_steps),
             "stuck": _Limit("no transition came for", "times c_f", safety.stuck, 0),
         }  # fmt: skip
@@ -71,7 +71,7 @@ class SafetyLimits:
         for name, limit in self._limits.items():
             if robots := int(self._touched[name].sum()):
                 said.append(
-                    f"in {robots} of {self._env.num_envs} walks {limit.what} up to "
-                    f"{self._worst[name]:.3g} {limit.unit}; the daemon allows {limit.bound:g}"
+                    f"{limit.what} {self._worst[name]:.3g} {limit.unit}, limit {limit.bound:g}, "
+                    f"in {robots} of {self._env.num_envs} walks"
                 )
         return said
