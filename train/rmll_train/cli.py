@@ -96,7 +96,8 @@ def _summary(folder: Path, result: dict[str, Any]) -> list[str]:
         lines.append(f"useful; export with: rmll-export {folder}")
     else:
         lines += ["not useful yet:", *(f"  {text}" for text in result["shortfalls"])]
-        lines.append(f"go on with: rmll-train --resume {folder} --steps {2 * result['steps']}")
+        steps = 2 * result["steps"]
+        lines += ["go on with:", f"  rmll-train --resume {folder} --steps {steps}"]
     return lines
 
 
