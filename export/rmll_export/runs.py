@@ -27,6 +27,8 @@ class Choice:
     why: str
     passed_over: list[str]
     """Each with its reason"""
+    shortfalls: list[str]
+    """What keeps it from being useful, as its run was judged; empty for one that was not judged"""
 
     def told(self) -> str:
         """For the user, a line each."""
@@ -34,6 +36,8 @@ class Choice:
         if more := len(self.passed_over) - len(over):
             over.append(f"{more} more")
         lines = [f"taken: {self.checkpoint}, {self.why}", *(f"passed over: {one}" for one in over)]
+        if self.shortfalls:
+            lines.append(f"not useful yet: {'; '.join(self.shortfalls)}")
         return "\n".join(lines)
 
 
@@ -47,6 +51,7 @@ class _Policy:
     """finished, shipped, or how far it came"""
     age: float
     """[s] of the clock when it was written"""
+    shortfalls: list[str]
 
 
 def choose(gait: str, runs: Path, shipped: Path | None = None) -> Choice:
@@ -77,7 +82,7 @@ def choose(gait: str, runs: Path, shipped: Path | None = None) -> Choice:
         why = f"the newest finished run of {gait}"
     else:
         why = f"the newest run of {gait}, {chosen.state}"
-    return Choice(chosen.checkpoint, why, passed_over)
+    return Choice(chosen.checkpoint, why, passed_over, chosen.shortfalls)
 
 
 def as_named(checkpoint: Path, gait: str = "") -> Choice:
@@ -89,7 +94,7 @@ def as_named(checkpoint: Path, gait: str = "") -> Choice:
     if table and policy.rules != table.rules:
         raise InputError(f"{checkpoint}: its gait has other rules than {gait}")
     why = f"as named, {policy.state}" if checkpoint.name == POLICY else "as named"
-    return Choice(checkpoint, why, [])
+    return Choice(checkpoint, why, [], policy.shortfalls)
 
 
 def _table(gait: str) -> MachineTable | None:
@@ -126,10 +131,12 @@ def _read(path: Path) -> _Policy:
     about = origin(path)
     rules = MachineTable.from_dict(about.table).rules
     result = path.with_name(RESULT)
-    if result.is_file():
-        return _Policy(path, about.gait, rules, "finished", result.stat().st_mtime)
-    state = "shipped" if path.name != POLICY else _progress(about.provenance)
-    return _Policy(path, about.gait, rules, state, path.stat().st_mtime)
+    state, written = "finished", result
+    if not result.is_file():
+        state = "shipped" if path.name != POLICY else _progress(about.provenance)
+        written = path
+    shortfalls = list(map(str, about.provenance.get("shortfalls", ())))
+    return _Policy(path, about.gait, rules, state, written.stat().st_mtime, shortfalls)
 
 
 def _progress(provenance: dict[str, Any]) -> str:

@@ -19,11 +19,20 @@ SHIPPED = Path(__file__).parents[2] / "policies"
 def checkpoint() -> Callable[..., Path]:
     """Writes the trot's checkpoint as one of another gait, and of a run that came so far."""
 
-    def write(path: Path, gait: str = "trot", rules: str | Path = "trot", steps: int = 0) -> Path:
+    def write(
+        path: Path,
+        gait: str = "trot",
+        rules: str | Path = "trot",
+        steps: int = 0,
+        shortfalls: tuple[str, ...] = (),
+    ) -> Path:
         shipped = SHIPPED / "trot.safetensors"
         contract = read(shipped).contract
         table = load_gait(rules).to_dict() | {"gait": gait}
-        provenance = contract.provenance | {"steps": steps or contract.provenance["steps"]}
+        provenance = contract.provenance | {
+            "steps": steps or contract.provenance["steps"],
+            "shortfalls": shortfalls,
+        }
         changed = msgspec.structs.replace(
             contract, gait=gait, table=table, provenance=provenance, digest=""
         )

@@ -175,3 +175,13 @@ def test_what_the_command_refuses(own_trot, tmp_path, flags, complaint):
     assert (done.returncode, done.stdout) == (2, "")
     assert complaint in done.stderr
     assert not list(tmp_path.glob("*.onnx*"))
+
+
+def test_a_policy_that_is_not_useful_is_taken_with_a_word(tmp_path: Path, run) -> None:
+    run("weak", shortfalls=("adherence 0.900, at least 0.95 wanted", "3 falls, none wanted"))
+    told = choose("trot", tmp_path / "runs", SHIPPED).told()
+    assert told.splitlines()[-1] == (
+        "not useful yet: adherence 0.900, at least 0.95 wanted; 3 falls, none wanted"
+    )
+    run("good")
+    assert "useful" not in choose("trot", tmp_path / "runs", SHIPPED).told()
