@@ -152,7 +152,8 @@ def _print_report(findings: dict[str, list[Finding]], plans: dict[str, Schedule]
         messages.print(line, soft_wrap=True)
     if not plans:
         return
-    rows = Table("gait", box=None, padding=(0, 2, 0, 0))
+    rows = Table(box=None, padding=(0, 2, 0, 0))
+    rows.add_column("gait", overflow="fold")  # a long path is not cut
     for head in ("period [steps]", "period [s]", *(f"duty {foot}" for foot in PAPER_FEET)):
         rows.add_column(head, justify="right")
     for gait, plan in plans.items():
