@@ -42,6 +42,6 @@ def shortfalls(metrics: Mapping[str, float], commands: Commands) -> list[str]:
          f"vx error {metrics['vx_error']:.3f} m/s, at most {vx:.2f} wanted"),
         (metrics["wz_error"] <= wz,
          f"wz error {metrics['wz_error']:.3f} rad/s, at most {wz:.2f} wanted"),
-        (metrics["falls"] == 0, f"{metrics['falls']:.0f} falls, none wanted"),
+        (metrics["falls"] == 0, f"falls: {metrics['falls']:.0f}, none wanted"),
     )  # fmt: skip
     return [text for met, text in checks if not met]

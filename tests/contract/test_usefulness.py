@@ -35,7 +35,7 @@ def test_a_robot_that_follows_keeps_its_rhythm_and_stands_up_is_useful() -> None
      ("vx_error", 0.11, "vx error 0.110 m/s, at most 0.10"),
      ("vx_error", float("nan"), "vx error nan"),
      ("wz_error", 0.21, "wz error 0.210 rad/s, at most 0.20"),
-     ("falls", 1.0, "1 falls, none wanted")],
+     ("falls", 1.0, "falls: 1, none wanted")],
 )  # fmt: skip
 def test_what_falls_short_is_said(name: str, value: float, told: str) -> None:
     (text,) = shortfalls(GOOD | {name: value}, FULL)

@@ -409,7 +409,7 @@ def test_a_finished_run_is_told_in_80_columns() -> None:
                "off_spec_contact": 0.35}  # fmt: skip
     limits = ["a joint was past its limit by 0.0797 rad, limit 0.05, in 12 of 64 walks"]
     result = {"metrics": metrics, "measured": WHERE, "limits": limits, "useful": False,
-              "shortfalls": ["212 falls, none wanted"], "steps": 15_015_936}  # fmt: skip
+              "shortfalls": ["falls: 212, none wanted"], "steps": 15_015_936}  # fmt: skip
     folder = Path("runs/rotary_gallop/20261201-092532-seed0")
     for told in (_summary(folder, result), _summary(folder, result | {"useful": True})):
         assert max(map(len, told)) <= 80

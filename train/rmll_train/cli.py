@@ -84,7 +84,7 @@ def _summary(folder: Path, result: dict[str, Any]) -> list[str]:
         f"finished: {folder}",
         f"{result['measured']}:",
         f"  adherence {metrics['adherence']:.3f}, vx error {metrics['vx_error']:.3f} m/s, "
-        f"wz error {metrics['wz_error']:.3f} rad/s, {metrics['falls']:.0f} falls",
+        f"wz error {metrics['wz_error']:.3f} rad/s, falls: {metrics['falls']:.0f}",
         f"  feet touch otherwise than the rules say {metrics['off_spec_contact']:.0%} of the time",
     ]
     if result["limits"]:
