@@ -353,6 +353,29 @@ def test_a_file_that_is_no_checkpoint_is_refused_in_one_line(tmp_path: Path) -> 
         load_checkpoint(tmp_path)
 
 
+@pytest.mark.parametrize("name", ["steps", "provenance", "whole", "cut"])
+def test_a_checkpoint_of_another_hand_is_refused_in_one_line(tmp_path: Path, name: str) -> None:
+    run = tmp_path / "run"
+    train(run, steps(SMALL, 1), quiet, resume=False)
+    saved: Any = load_checkpoint(run)
+    if name == "cut":
+        path = run / "checkpoint.pt"
+        path.write_bytes(path.read_bytes()[:5000])
+    else:
+        save_checkpoint(run, [saved] if name == "whole" else saved | {name: "x"})
+    with pytest.raises(InputError, match=r"checkpoint\.pt: not a checkpoint of rmll-train"):
+        train(run, steps(SMALL, 2), quiet, resume=True)
+
+
+def test_a_checkpoint_with_a_strange_part_is_of_another_version(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    train(run, steps(SMALL, 1), quiet, resume=False)
+    saved = load_checkpoint(run)
+    save_checkpoint(run, saved | {"learner": dict.fromkeys(saved["learner"], 5)})
+    with pytest.raises(InputError, match="its checkpoint is of another version"):
+        train(run, steps(SMALL, 2), quiet, resume=True)
+
+
 def learner() -> GaitPPO:
     torch.manual_seed(0)
     return GaitPPO(GaitEnv(load_gait("trot"), A1, SMALL.world, 0), SMALL.learner)

@@ -94,7 +94,7 @@ def train(folder: Path, settings: Settings, report: Report, resume: bool) -> boo
     if saved is not None:
         try:
             run.restore(saved)
-        except (KeyError, RuntimeError, ValueError) as error:
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
             raise InputError(
                 f"{folder}: its checkpoint is of another version of rmll-train or of other "
                 f"settings: {error}; go on with the version that began it"
