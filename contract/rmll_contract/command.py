@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Callable
 from importlib.metadata import version
+from io import TextIOWrapper
 from typing import Any, NoReturn
 
 import tyro
@@ -26,6 +27,7 @@ def run(prog: str, commands: Callable[..., int | None] | dict[str, Callable[...,
     130 for Ctrl-C, 141 if nobody reads what it prints.
     """
     tell_version(prog)
+    _open_outputs()
     try:
         if callable(commands):
             code = tyro.cli(commands, prog=prog, config=_STYLE)
@@ -42,8 +44,18 @@ def run(prog: str, commands: Callable[..., int | None] | dict[str, Callable[...,
             sys.exit(BROKEN_PIPE)
         _end(prog, said(error), 1)
     except KeyboardInterrupt:
-        _end(prog, "stopped", 130)
+        stopped(prog)
     sys.exit(code or 0)
+
+
+def _open_outputs() -> None:
+    """Whatever is printed goes somewhere, also if it was closed (``>&-``), or if a terminal lacks
+    the letters of a picture."""
+    # in this order, for each takes the lowest number that is free
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
 
 
 def tell_version(prog: str) -> None:
@@ -51,6 +63,11 @@ def tell_version(prog: str) -> None:
     if sys.argv[1:] == ["--version"]:
         print(prog, version("rmll"))
         sys.exit(0)
+
+
+def stopped(prog: str) -> NoReturn:
+    """How a command ends that Ctrl-C stopped."""
+    _end(prog, "stopped", 130)
 
 
 def said(error: OSError) -> str:

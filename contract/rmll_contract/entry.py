@@ -6,7 +6,7 @@ A robot's computer has only the base: there, the others say in one line what to 
 import sys
 from importlib import import_module
 
-from rmll_contract.command import tell_version
+from rmll_contract.command import stopped, tell_version
 
 
 def gait() -> None:
@@ -37,6 +37,8 @@ def _start(prog: str, module: str, extra: str) -> None:
         if error.name and error.name.startswith("rmll_"):
             raise
         sys.exit(_missing(prog, str(error.name), extra))
+    except KeyboardInterrupt:  # torch takes seconds to load
+        stopped(prog)
     command.main()
 
 

@@ -42,7 +42,7 @@ def export(checkpoint: Checkpoint, path: Path) -> float:
         model, {contracts.KEY: contracts.encode(contract)} | _mjlab_keys(contract)
     )
     # under its own name, so that what the daemon says of it names it
-    with TemporaryDirectory(prefix=".rmll-export-", dir=path.parent) as folder:
+    with _scratch(path) as folder:
         written = Path(folder) / path.name
         written.write_bytes(model.SerializeToString())
         try:
@@ -51,6 +51,14 @@ def export(checkpoint: Checkpoint, path: Path) -> float:
             raise Failure(f"not written, the daemon would refuse it: {error}") from error
         written.replace(path)
     return difference
+
+
+def _scratch(path: Path) -> TemporaryDirectory[str]:
+    """A folder beside ``path``; an OSError names the latter, for nobody asked for the folder."""
+    try:
+        return TemporaryDirectory(prefix=".rmll-export-", dir=path.parent)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def verify(model: bytes, checkpoint: Checkpoint) -> float:

@@ -91,6 +91,8 @@ def origin(path: Path) -> Origin:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
+    if path.is_dir():  # of which safetensors has a number to say
+        raise InputError(f"{path}: a folder, expected a policy.safetensors")
     try:
         if path.stat().st_size > MAX_BYTES:
             raise InputError(f"{path}: larger than {MAX_BYTES >> 20} MB, not a checkpoint")

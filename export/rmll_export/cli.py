@@ -70,6 +70,7 @@ def _export(
         "checkpoint": str(source),
         "why": chosen.why,
         "passed_over": chosen.passed_over,
+        "shortfalls": chosen.shortfalls,
         "gait": held,
         "steps": trained.contract.provenance.get("steps"),
         "difference_from_learner": difference,

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from rmll_export.checkpoint import origin
 from rmll_gaits.errors import InputError
 from rmll_gaits.load import is_gait_file, library_names, load_gait
@@ -103,11 +105,18 @@ def _table(gait: str) -> MachineTable | None:
 
 
 def _checkpoint(named: str) -> Path | None:
-    """The file that a path names, a checkpoint or a run's folder; None for anything else."""
+    """The file that a path names, a checkpoint or a run's folder; None for a gait.
+
+    Raises InputError for another path.
+    """
     path = Path(named)
     if path.suffix == ".safetensors":
         return path
-    return path / POLICY if (path / POLICY).is_file() else None
+    if (path / POLICY).is_file():
+        return path / POLICY
+    if ("/" in named or named in (".", "..")) and not is_gait_file(named):
+        raise InputError(f"{named}: no run of rmll-train, which has a {POLICY}")
+    return None
 
 
 def _policies(name: str, runs: Path, shipped: Path | None) -> tuple[list[_Policy], list[str]]:
@@ -135,7 +144,10 @@ def _read(path: Path) -> _Policy:
     if not result.is_file():
         state = "shipped" if path.name != POLICY else _progress(about.provenance)
         written = path
-    shortfalls = list(map(str, about.provenance.get("shortfalls", ())))
+    try:
+        shortfalls = msgspec.convert(about.provenance.get("shortfalls", []), list[str])
+    except msgspec.ValidationError as error:
+        raise InputError(f"{path}: the shortfalls in its provenance: {error}") from error
     return _Policy(path, about.gait, rules, state, written.stat().st_mtime, shortfalls)
 
 

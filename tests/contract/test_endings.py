@@ -52,6 +52,33 @@ def test_nobody_reading_is_no_complaint(tmp_path, code):
     assert (process.returncode, told) == (141, "")
 
 
+@pytest.mark.parametrize(("closed", "printed"), [(">&-", ""), ("2>&-", "x\n")])
+def test_a_closed_output_is_no_complaint(tmp_path, closed, printed):
+    work = "def work(): print('x'); print('y', file=sys.stderr)"
+    program = f"import sys\nfrom rmll_contract.command import run\n{work}\nrun('rmll-x', work)"
+    shell = ["sh", "-c", f'exec "$0" -c "$1" {closed}', sys.executable, program]
+    ended = subprocess.run(shell, cwd=tmp_path, capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout) == (0, printed)
+    assert "Traceback" not in ended.stderr
+
+
+def test_letters_that_the_output_does_not_have_are_replaced(tmp_path):
+    ascii_only = os.environ | {"PYTHONIOENCODING": "ascii"}
+    for code, printed in ((r"print('F \u25cf')", "F ?\n"), (r"print('\udcff.yml')", "?.yml\n")):
+        with command(code, tmp_path, stdout=subprocess.PIPE, env=ascii_only) as process:
+            told, _ = process.communicate()
+        assert (process.returncode, told) == (0, printed)
+
+
+def test_ctrl_c_while_a_command_loads_its_libraries_is_no_traceback(tmp_path):
+    (tmp_path / "slow.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    program = "from rmll_contract.entry import _start; _start('rmll-x', 'slow', 'x')"
+    ended = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (ended.returncode, ended.stderr) == (130, "rmll-x: stopped\n")
+
+
 def test_another_broken_pipe_is_a_complaint(tmp_path):
     code = "import os; r, w = os.pipe(); os.close(r); os.write(w, b'x')"
     with command(code, tmp_path, stderr=subprocess.PIPE) as process:

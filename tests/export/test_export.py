@@ -66,6 +66,18 @@ def test_weights_that_do_not_answer_like_the_learner_are_not_exported(
     assert not (tmp_path / "trot.onnx").exists()
 
 
+def test_a_place_that_cannot_be_written_is_named(checkpoint: Path) -> None:
+    place = Path("/proc/trot.onnx")
+    with pytest.raises(OSError) as caught:
+        export(read(checkpoint), place)
+    assert caught.value.filename == str(place)
+
+
+def test_a_folder_is_no_checkpoint(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="a folder, expected a policy"):
+        read(tmp_path)
+
+
 def test_a_missing_tensor_is_named(checkpoint: Path) -> None:
     rewrite(checkpoint, lambda tensors: tensors.pop("policy.0.bias"))
     with pytest.raises(InputError, match=r"policy\.0\.bias"):

@@ -128,6 +128,20 @@ def export(*flags: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(call, cwd=cwd, capture_output=True, text=True)
 
 
+@pytest.mark.parametrize("name", ["runs/trot", ".", "..", "runs/trot/2", "/"])
+def test_a_path_that_is_no_run_is_told_so(run, tmp_path, monkeypatch, name):
+    run("1")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=r"no run of rmll-train, which has a policy\.safetensors"):
+        choose(name, Path("runs"), SHIPPED)
+
+
+def test_a_provenance_of_another_hand_is_refused_in_one_line(run, tmp_path):
+    path = run("1", shortfalls=5)
+    with pytest.raises(InputError, match="safetensors: the shortfalls in its provenance"):
+        choose(str(path), tmp_path / "runs")
+
+
 def test_the_command_says_what_it_took_and_what_it_passed_over(run, own_trot, tmp_path):
     run("own", rules=own_trot)
     done = export("trot", cwd=tmp_path)
@@ -183,5 +197,9 @@ def test_a_policy_that_is_not_useful_is_taken_with_a_word(tmp_path: Path, run) -
     assert told.splitlines()[-1] == (
         "not useful yet: adherence 0.900, at least 0.95 wanted; 3 falls, none wanted"
     )
+    done = export("trot", "--json", cwd=tmp_path)
+    assert json.loads(done.stdout)["shortfalls"] == [
+        "adherence 0.900, at least 0.95 wanted", "3 falls, none wanted",
+    ]  # fmt: skip
     run("good")
     assert "useful" not in choose("trot", tmp_path / "runs", SHIPPED).told()

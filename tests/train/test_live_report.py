@@ -1,6 +1,7 @@
 """What a run shows while it trains fits into a terminal of 80 columns."""
 
 import io
+from dataclasses import replace
 
 from rich.console import Console
 
@@ -12,10 +13,10 @@ from rmll_train.training import Judging, Progress, Start
 METRICS = {"adherence": 0.97, "vx_error": 1.234, "wz_error": 0.31, "energy_per_metre": 12345.0}
 
 
-START = Start(Precision(True, 2.0), load_gait("trot").commands)
+START = Start(Precision(True, 2.0), load_gait("trot").commands, 0, 12_000_000)
 
 
-def shown(*told: Progress | Judging) -> list[str]:
+def shown(*told: Start | Progress | Judging) -> list[str]:
     screen = io.StringIO()
     console = Console(file=screen, width=80, force_terminal=True, color_system=None, markup=False)
     with LiveReport(console) as report:
@@ -36,3 +37,11 @@ def test_time_left_bar_and_figures_show_in_80_columns() -> None:
 def test_the_judgement_has_its_own_bar() -> None:
     lines = shown(Progress(1000, 1000, 1.0, METRICS, {}), Judging(275, 550))
     assert any("judging without exploration" in line and "50%" in line for line in lines)
+
+
+def test_a_run_that_has_taken_its_steps_says_so() -> None:
+    done = replace(START, steps=3_004_416, total=3_000_000)
+    assert not any("nothing left" in line for line in shown())
+    assert "nothing left to train: the run has 3,004,416 of 3,000,000 steps" in "\n".join(
+        shown(done)
+    )

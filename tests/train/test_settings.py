@@ -88,3 +88,15 @@ def test_sizes_that_cannot_work_are_refused() -> None:
         with pytest.raises(InputError):
             Settings(world=world, learner=learner).check()
     Settings().check()
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("world: {envs: 100000000}", "world.envs is 100000000, expected at most 65536"),
+        ("learner: {rollout: 1000000}", "robots x 1000000 steps are more than 16777216 samples"),
+    ],
+)
+def test_sizes_that_no_memory_has_are_refused(tmp_path: Path, text: str, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint):
+        load(write(tmp_path, text), Settings()).check()

@@ -2,6 +2,7 @@
 
 import copy
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -23,7 +24,7 @@ from rmll_onboard.bundle import load_bundle
 from rmll_onboard.controller import prove
 from rmll_robots import A1
 from rmll_train.checkpoint import load_checkpoint, save_checkpoint
-from rmll_train.cli import _chosen, _continued, _summary, count
+from rmll_train.cli import _chosen, _continued, _summary, count, main
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import WHERE, evaluate
 from rmll_train.golden_trace import golden_trace
@@ -56,7 +57,8 @@ def test_a_run_leaves_settings_checkpoint_policy_curves_and_result(tmp_path: Pat
     assert train(run, SMALL, seen.append, resume=False)
     updates = [told for told in seen if isinstance(told, Progress)]
     assert [progress.steps for progress in updates] == [n * ENVS * ROLLOUT for n in (1, 2, 3, 4)]
-    assert seen[0] == Start(Precision(bf16=False, gain=None), load_gait("trot").commands)
+    assert seen[0] == Start(Precision(bf16=False, gain=None), load_gait("trot").commands, 0,
+                            SMALL.learner.steps)  # fmt: skip
     assert isinstance(seen[-1], Judging) and seen[-1].done == seen[-1].total
     names = {path.name.split(".")[0] for path in run.iterdir()}
     assert names == {"gait", "settings", "checkpoint", "policy", "events", "result"}
@@ -219,6 +221,59 @@ def test_a_run_whose_gait_has_changed_is_not_gone_on_with(tmp_path: Path) -> Non
     assert load_checkpoint(run)["steps"] == 3 * ENVS * ROLLOUT
 
 
+def test_the_copy_that_a_run_keeps_of_its_gait_is_what_it_learns(tmp_path: Path) -> None:
+    gait, run = tmp_path / "hop.yaml", tmp_path / "run"
+    gait.write_text(HOP)
+    begun = replace(steps(SMALL, 1), gait=str(gait))
+
+    def edit(told: object) -> None:
+        if isinstance(told, Start):
+            gait.write_text(HOP.replace("[6, 12]", "[6, 10]"))
+
+    train(run, begun, edit, resume=False)
+    assert (run / "gait.yaml").read_text() == HOP
+
+    gait.unlink()
+    (run / "gait.yaml").write_text(HOP.replace("[6, 12]", "[6, 10]"))
+    with pytest.raises(InputError, match=r"run/gait\.yaml has changed since the run began"):
+        train(run, steps(begun, 2), quiet, resume=True)
+
+
+def test_a_run_that_goes_on_is_not_finished(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    train(run, steps(SMALL, 1), quiet, resume=False)
+
+    def stop(told: object) -> None:
+        if isinstance(told, Progress):
+            signal.raise_signal(signal.SIGINT)
+
+    assert not train(run, steps(SMALL, 9), stop, resume=True)
+    assert not (run / "result.yaml").exists()
+
+
+@pytest.mark.parametrize("flags", [["--envs", "0"], ["--seed", "0"], ["--runs", "other"], ["trot"]])
+def test_a_resumed_run_takes_nothing_that_it_would_not_heed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], flags: list[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["rmll-train", "--resume", "run", *flags])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert "--resume takes the run's own settings" in capsys.readouterr().err
+
+
+def test_a_command_to_go_on_with_can_be_pasted() -> None:
+    result: dict[str, Any] = {
+        "metrics": {"adherence": 0.1, "vx_error": 0.1, "wz_error": 0.1, "falls": 0.0,
+                    "off_spec_contact": 0.1},
+        "measured": "here", "limits": [], "useful": False, "shortfalls": [], "steps": 5,
+    }  # fmt: skip
+    run = Path("my runs/it's")
+    told = [shlex.split(line) for line in _summary(run, result) if "--resume" in line]
+    assert told == [["rmll-train", "--resume", str(run), "--steps", "10"]]
+    (export,) = (line for line in _summary(run, result | {"useful": True}) if "export" in line)
+    assert shlex.split(export)[-2:] == ["rmll-export", str(run)]
+
+
 HOP = """
 gait: hop
 commands: {vx: [-1, 1], wz: [-1, 1], frequency: [6, 12]}
@@ -258,7 +313,7 @@ def test_a_number_of_steps_may_be_written_as_people_do(text: str, number: int) -
 
 
 @pytest.mark.parametrize(
-    "text", ["", "M", "-3", "1.5", "1e-3", "1e99", "nan", "inf", "3 M", "0x10", "3MM"]
+    "text", ["", "M", "-3", "1.5", "1e-3", "1e99", "nan", "inf", "3 M", "0x10", "3MM", "٣k"]
 )
 def test_what_is_no_whole_number_is_none(text: str) -> None:
     with pytest.raises(InputError, match=f"--steps {text}: expected a whole number"):
@@ -296,6 +351,29 @@ def test_a_file_that_is_no_checkpoint_is_refused_in_one_line(tmp_path: Path) -> 
     (tmp_path / "checkpoint.pt").write_bytes(b"cos\nsystem\n(S'true'\ntR.")
     with pytest.raises(InputError, match=r"checkpoint\.pt: not a checkpoint"):
         load_checkpoint(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["steps", "provenance", "whole", "cut"])
+def test_a_checkpoint_of_another_hand_is_refused_in_one_line(tmp_path: Path, name: str) -> None:
+    run = tmp_path / "run"
+    train(run, steps(SMALL, 1), quiet, resume=False)
+    saved: Any = load_checkpoint(run)
+    if name == "cut":
+        path = run / "checkpoint.pt"
+        path.write_bytes(path.read_bytes()[:5000])
+    else:
+        save_checkpoint(run, [saved] if name == "whole" else saved | {name: "x"})
+    with pytest.raises(InputError, match=r"checkpoint\.pt: not a checkpoint of rmll-train"):
+        train(run, steps(SMALL, 2), quiet, resume=True)
+
+
+def test_a_checkpoint_with_a_strange_part_is_of_another_version(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    train(run, steps(SMALL, 1), quiet, resume=False)
+    saved = load_checkpoint(run)
+    save_checkpoint(run, saved | {"learner": dict.fromkeys(saved["learner"], 5)})
+    with pytest.raises(InputError, match="its checkpoint is of another version"):
+        train(run, steps(SMALL, 2), quiet, resume=True)
 
 
 def learner() -> GaitPPO:

@@ -27,6 +27,10 @@ PROBES = 64
 PROBE_SPREAD = 0.5
 """Their standard deviation, about that of real observations with the layout's scales"""
 
+_KINDS = {"learner": dict, "environment": dict, "random": torch.Tensor, "steps": int,
+          "seconds": float, "provenance": dict}  # fmt: skip
+"""What is in a checkpoint, and of which type"""
+
 
 def save_checkpoint(run: Path, state: dict[str, Any]) -> None:
     _replace(run / CHECKPOINT, lambda path: torch.save(state, path))
@@ -38,9 +42,15 @@ def load_checkpoint(run: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"{path}: no such checkpoint; --resume takes the folder of a run")
     try:
-        return torch.load(path, weights_only=True)
-    except (RuntimeError, EOFError, pickle.UnpicklingError, ValueError) as error:
+        saved = torch.load(path, weights_only=True)
+    # a file that was cut short is, to torch, an invalid argument of the system
+    except (RuntimeError, EOFError, OSError, pickle.UnpicklingError, ValueError) as error:
         raise InputError(f"{path}: not a checkpoint of rmll-train") from error
+    if not isinstance(saved, dict) or not all(
+        isinstance(saved.get(name), kind) for name, kind in _KINDS.items()
+    ):
+        raise InputError(f"{path}: not a checkpoint of rmll-train")
+    return saved
 
 
 def save_policy(

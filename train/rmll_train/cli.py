@@ -1,6 +1,7 @@
 """The ``rmll-train`` command."""
 
 import re
+import shlex
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -31,7 +32,7 @@ def _train(
     steps: str | None = None,
     envs: int | None = None,
     seed: int | None = None,
-    runs: Path = Path("runs"),
+    runs: Path | None = None,
     resume: Path | None = None,
 ) -> int:
     """Train a gait's policy.
@@ -47,7 +48,7 @@ def _train(
         steps: environment steps in all, such as 3000000, 3e6 or 3M.
         envs: simulated robots.
         seed: of the networks, the robots and the commands.
-        runs: the run's folder is made in here, as GAIT/TIME-seedN.
+        runs: the run's folder is made in here, as GAIT/TIME-seedN; runs/ by default.
         resume: folder of a run to go on with. With --settings, what that file names changes from
             here on; the policy's provenance then tells of both stages.
     """
@@ -55,7 +56,8 @@ def _train(
         raise InputError(f"{name!r} and --gait {gait!r}: name one gait")
     gait = gait or name
     if resume is not None:
-        if gait or envs or seed is not None or preset != "default":
+        own = (envs, seed, runs) != (None, None, None) or preset != "default"
+        if gait or own:
             raise InputError("--resume takes the run's own settings, under --settings and --steps")
         chosen, folder = _continued(resume, settings), resume
     else:
@@ -63,7 +65,7 @@ def _train(
             raise InputError(f"name a gait, such as {', '.join(library_names())}, or a gait file")
         chosen = _chosen(gait, preset, settings, envs, seed)
         begun = f"{datetime.now():%Y%m%d-%H%M%S}-seed{chosen.seed}"
-        folder = runs / load_gait(chosen.gait).gait / begun
+        folder = (runs or Path("runs")) / load_gait(chosen.gait).gait / begun
     if steps is not None:
         chosen = replace(chosen, learner=replace(chosen.learner, steps=count("steps", steps)))
     chosen.check()
@@ -71,10 +73,14 @@ def _train(
     with LiveReport() as report:
         finished = train(folder, chosen, report, resume=resume is not None)
     if not finished:
-        print(f"stopped; go on with: rmll-train --resume {folder}")
+        print(f"stopped; go on with: {_resume(folder)}")
         return 130
     print("\n".join(_summary(folder, yaml.safe_load((folder / RESULT).read_text()))))
     return 0
+
+
+def _resume(folder: Path) -> str:
+    return f"rmll-train --resume {shlex.quote(str(folder))}"
 
 
 def _summary(folder: Path, result: dict[str, Any]) -> list[str]:
@@ -93,11 +99,11 @@ def _summary(folder: Path, result: dict[str, Any]) -> list[str]:
             *(f"  {one}" for one in result["limits"]),
         ]
     if result["useful"]:
-        lines.append(f"useful; export with: rmll-export {folder}")
+        lines.append(f"useful; export with: rmll-export {shlex.quote(str(folder))}")
     else:
         lines += ["not useful yet:", *(f"  {text}" for text in result["shortfalls"])]
         steps = 2 * result["steps"]
-        lines += ["go on with:", f"  rmll-train --resume {folder} --steps {steps}"]
+        lines += ["go on with:", f"  {_resume(folder)} --steps {steps}"]
     return lines
 
 
@@ -106,7 +112,7 @@ def count(flag: str, text: str) -> int:
 
     Raises InputError, which names the flag, for anything else.
     """
-    found = re.fullmatch(r"(\d[\d_]*(?:\.\d+)?(?:[eE]\+?\d)?)([kM]?)", text)
+    found = re.fullmatch(r"(\d[\d_]*(?:\.\d+)?(?:[eE]\+?\d)?)([kM]?)", text, re.ASCII)
     value = float(found[1]) * {"": 1, "k": 1e3, "M": 1e6}[found[2]] if found else 0.5
     if not value.is_integer():
         raise InputError(f"--{flag} {text}: expected a whole number, such as 3000000, 3e6 or 3M")

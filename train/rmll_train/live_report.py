@@ -47,6 +47,11 @@ class LiveReport:
         if isinstance(progress, Start):
             self._commands = progress.commands
             self._live.console.print(str(progress.precision))
+            if progress.steps >= progress.total:
+                self._live.console.print(
+                    f"nothing left to train: the run has {progress.steps:,} of "
+                    f"{progress.total:,} steps"
+                )
             return
         if isinstance(progress, Judging):
             self._bar.update(

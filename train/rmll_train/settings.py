@@ -15,6 +15,9 @@ from rmll_contract.observation import Profile
 from rmll_gaits.errors import InputError
 from rmll_robots import ground
 
+MOST_ENVS, MOST_SAMPLES = 2**16, 2**24
+"""Robots, and steps of all of them in a rollout: no memory has room for what a slip asks for"""
+
 
 @dataclass(frozen=True)
 class Rewards:
@@ -256,6 +259,12 @@ class Settings:
         for name, size in sizes.items():
             if size < 1:
                 raise InputError(f"{name} is {size}, expected at least 1")
+        if envs > MOST_ENVS:
+            raise InputError(f"world.envs is {envs}, expected at most {MOST_ENVS}")
+        if envs * learner.rollout > MOST_SAMPLES:
+            raise InputError(
+                f"{envs} robots x {learner.rollout} steps are more than {MOST_SAMPLES} samples"
+            )
         if learner.critic_epochs > learner.epochs:
             raise InputError(
                 f"learner.critic_epochs is {learner.critic_epochs}, expected at most "

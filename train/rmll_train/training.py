@@ -12,8 +12,10 @@ import yaml
 from torch.utils.tensorboard import SummaryWriter
 
 from rmll_gaits.changes import changes
+from rmll_gaits.compile import compile_gait
 from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait, load_text
+from rmll_gaits.spec import read_spec
 from rmll_gaits.table import Commands, MachineTable
 from rmll_robots import A1
 from rmll_train import precision
@@ -66,6 +68,9 @@ class Start:
     precision: Precision
     commands: Commands
     """The gait's ranges"""
+    steps: int
+    """Taken already, by a run that goes on"""
+    total: int
 
 
 Report = Callable[[Start | Progress | Judging], None]
@@ -79,25 +84,32 @@ def train(folder: Path, settings: Settings, report: Report, resume: bool) -> boo
     Raises Failure when training diverges, the last good checkpoint stays; InputError if a resumed
     run's gait has changed.
     """
-    gait = _unchanged(settings.gait, folder) if resume else load_gait(settings.gait)
+    # read once: who edits the file from here on does not edit this run
+    text, source = load_text(_copy(folder) if resume else settings.gait)
+    gait = compile_gait(read_spec(text, source))
+    saved = load_checkpoint(folder) if resume else None
+    if saved is not None:
+        _check_unchanged(gait, settings.gait, folder, saved)
     run = Run(settings, gait)
-    report(Start(run.precision, gait.commands))
-    if resume:
-        saved = load_checkpoint(folder)
+    if saved is not None:
         try:
             run.restore(saved)
-        except (KeyError, RuntimeError, ValueError) as error:
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
             raise InputError(
                 f"{folder}: its checkpoint is of another version of rmll-train or of other "
                 f"settings: {error}; go on with the version that began it"
             ) from error
+    total = settings.learner.steps
+    report(Start(run.precision, gait.commands, run.steps, total))
     folder.mkdir(parents=True, exist_ok=resume)
     (folder / SETTINGS).write_text(settings_file.to_yaml(settings))
     if not resume:
-        (folder / GAIT).write_text(load_text(settings.gait)[0], "utf-8")
+        (folder / GAIT).write_text(text, "utf-8")
+    if run.steps < total:
+        (folder / RESULT).unlink(missing_ok=True)  # it is that of the policy before
     with _Interrupt() as interrupt, SummaryWriter(str(folder), purge_step=run.steps + 1) as writer:
         saved_at = time.monotonic()
-        while run.steps < settings.learner.steps and not interrupt.asked:
+        while run.steps < total and not interrupt.asked:
             progress = run.update()
             _draw(writer, progress)
             report(progress)
@@ -112,23 +124,29 @@ def train(folder: Path, settings: Settings, report: Report, resume: bool) -> boo
     return True
 
 
-def _unchanged(gait: str, folder: Path) -> MachineTable:
-    """The gait that the run in ``folder`` began with, by the run's own copy of its file.
-
-    ``gait`` is the file it was copied from; InputError if that is still there and says otherwise.
-    """
-    copy = folder / GAIT
-    if not copy.is_file():
+def _copy(folder: Path) -> Path:
+    """The run's own copy of its gait's file; InputError if it has none."""
+    if not (copy := folder / GAIT).is_file():
         raise InputError(f"{copy}: no such file; a run of this version of rmll-train has one")
-    begun = load_gait(copy)
+    return copy
+
+
+def _check_unchanged(begun: MachineTable, gait: str, folder: Path, saved: dict[str, Any]) -> None:
+    """Raises InputError unless ``begun``, the run's copy, is the gait of its checkpoint, and
+    ``gait``, the file it was copied from, says the same or is gone."""
+    copy = folder / GAIT
+    if saved.get("rules", begun.rules) != begun.rules:  # older checkpoints do not tell them
+        raise InputError(
+            f"{copy} has changed since the run began: what was learnt holds for the old rules. "
+            f"Begin a new run, or put back what the file said"
+        )
     if Path(gait).suffix and not Path(gait).is_file():
-        return begun
+        return
     if found := list(changes(begun, load_gait(gait))):
         raise InputError(
             f"{gait} has changed since the run began ({'; '.join(found)}): what was learnt holds "
             f"for the old rules. Begin a new run, or put back {copy}"
         )
-    return begun
 
 
 def _draw(writer: SummaryWriter, progress: Progress) -> None:
@@ -187,6 +205,7 @@ class Run:
         state = {
             "learner": self._learner.state(),
             "environment": self._env.state_dict(),
+            "rules": self._env.table.rules,
             "random": torch.get_rng_state(),
             "steps": self.steps,
             "seconds": self.seconds,
