@@ -493,3 +493,17 @@ def test_a_finished_run_is_told_in_80_columns() -> None:
         assert max(map(len, told)) <= 80
         assert f"  {limits[0]}" in told
     assert "not useful yet:" in _summary(folder, result)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_stop_while_the_policy_is_judged_is_clean_too(number: int, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+
+    def stopping(told: object) -> None:
+        if isinstance(told, Judging) and told.done == 5:
+            os.kill(os.getpid(), number)
+
+    assert not train(run, steps(SMALL, 1), stopping, resume=False)
+    assert not (run / "result.yaml").exists()
+    assert train(run, steps(SMALL, 1), quiet, resume=True)
+    assert (run / "result.yaml").exists()

@@ -31,7 +31,8 @@ def stages(before: dict[str, Any], now: dict[str, Any]) -> list[dict[str, Any]]:
     """What a run did with other code or settings than ``now``, oldest first.
 
     ``before`` is the provenance that it had when it stopped, ``now`` the :func:`origin` with which
-    it goes on. Each stage tells up to which step it went. More steps alone make no new stage.
+    it goes on. Each stage tells up to which step it went. More steps alone make no new stage, nor
+    does a processor that is faster with other products.
     """
     if before["commit"] == now["commit"] and _lasting(before) == _lasting(now):
         return before["stages"]
@@ -40,7 +41,7 @@ def stages(before: dict[str, Any], now: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _lasting(origin: dict[str, Any]) -> dict[str, Any]:
     settings = origin["settings"]
-    return settings | {"learner": settings["learner"] | {"steps": None}}
+    return settings | {"learner": settings["learner"] | {"steps": None, "bf16": None}}
 
 
 def _commit() -> str:

@@ -3,6 +3,7 @@
 import signal
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -118,10 +119,11 @@ def train(folder: Path, settings: Settings, report: Report, resume: bool) -> boo
                 run.save(folder)
                 saved_at = time.monotonic()
         run.save(folder)
-    if interrupt.asked:
-        return False
-    run.finish(folder, report)
-    return True
+        if not interrupt.asked:
+            with suppress(_Stopped):
+                run.finish(folder, interrupt.heeded_by(report))
+                return True
+    return False
 
 
 def _copy(folder: Path) -> Path:
@@ -275,3 +277,17 @@ class _Interrupt:
 
     def _ask(self, *_: object) -> None:
         self.asked = True
+
+    def heeded_by(self, report: Report) -> Report:
+        """``report`` that raises _Stopped once a stop was asked for: a judgement is not saved."""
+
+        def heeding(told: Start | Progress | Judging) -> None:
+            if self.asked:
+                raise _Stopped
+            report(told)
+
+        return heeding
+
+
+class _Stopped(Exception):
+    """The judgement was broken off."""
