@@ -71,7 +71,10 @@ def test_letters_that_the_output_does_not_have_are_replaced(tmp_path):
 
 
 def test_ctrl_c_while_a_command_loads_its_libraries_is_no_traceback(tmp_path):
-    (tmp_path / "slow.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    # a shell's job in the background inherits that Ctrl-C is ignored
+    heeding = "signal.signal(signal.SIGINT, signal.default_int_handler)"
+    interrupt = f"import os, signal\n{heeding}\nos.kill(os.getpid(), signal.SIGINT)\n"
+    (tmp_path / "slow.py").write_text(interrupt)
     program = "from rmll_contract.entry import _start; _start('rmll-x', 'slow', 'x')"
     ended = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True
