@@ -39,9 +39,7 @@ def grid(
     Raises InputError, which names the flag, for a command that was not trained.
     """
     speeds = speeds or [float(v) for v in np.linspace(*commands.vx, GRID_SPEEDS)]
-    frequencies = (
-        frequencies or [float(n) for n in commands.whole_frequencies] or [commands.middle_frequency]
-    )
+    frequencies = frequencies or _frequencies(commands)
     _check("speeds", speeds, commands.vx)
     _check("frequencies", frequencies, commands.frequency)
     straight = nearest(0.0, commands.wz)
@@ -52,16 +50,21 @@ def grid(
 def draw(commands: Commands, episodes: int, seed: int) -> list[Trial]:
     """Walks with commands drawn evenly from what was trained, c_f in whole steps as in training."""
     rng = np.random.default_rng(seed)
-    frequencies = list(commands.whole_frequencies) or [commands.middle_frequency]
+    frequencies = _frequencies(commands)
     return [
         Trial(
             vx=float(rng.uniform(*commands.vx)),
             wz=float(rng.uniform(*commands.wz)),
-            frequency=float(frequencies[rng.integers(len(frequencies))]),
+            frequency=frequencies[rng.integers(len(frequencies))],
             seed=seed + index,
         )
         for index in range(episodes)
     ]
+
+
+def _frequencies(commands: Commands) -> list[float]:
+    """Each c_f of whole policy steps that was trained; the middle of a range without any."""
+    return [float(n) for n in commands.whole_frequencies] or [commands.middle_frequency]
 
 
 def _check(flag: str, values: Sequence[float], limits: tuple[float, float]) -> None:

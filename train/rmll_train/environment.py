@@ -86,8 +86,7 @@ class GaitEnv(VecEnv):
         self._dwell_reward = torch.zeros(n)
         self._made, self._allowed = torch.zeros(n), torch.zeros(n)  # transitions, this episode
         self._vary_robots()
-        self._begin(torch.arange(n))
-        self._observed = self._observe()
+        self.begin_anew()
 
     # -- rsl-rl's interface -------------------------------------------------------------------
 
