@@ -148,9 +148,14 @@ class Emulator:
             self.board.update(self.now_ms)
             self._sabotage.before_step(self.now_ms)
             mujoco.mj_step(world.model, world.data)
-            self._energy += float(np.abs(world.torque * world.dq).sum()) * STEP_MS * 1e-3
+            self._energy += float(np.abs(world.torque) @ np.abs(world.dq)) * STEP_MS * 1e-3
             self.now_ms += STEP_MS
-        if any(world.data.warning[kind].number for kind in _DIVERGED):
+            if self.now_ms % TRUTH_MS == 0:
+                self._check_physics()
+
+    def _check_physics(self) -> None:
+        warnings = self.world.data.warning
+        if any(warnings[kind].number for kind in _DIVERGED):
             raise Failure(f"the physics diverged after {self.now_ms} ms")
 
     def truth(self) -> NDArray[np.void]:

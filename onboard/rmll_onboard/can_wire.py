@@ -17,6 +17,7 @@ from rmll_onboard.can_settings import Can
 from rmll_onboard.intake import Intake
 from rmll_onboard.leg_force import LegForce
 from rmll_onboard.mit_wire import Commands
+from rmll_onboard.sensor_monitor import Streams
 from rmll_onboard.settings import Link
 from rmll_robots import Robot
 
@@ -36,12 +37,14 @@ class CanWire(Intake):
     long or reports an error is a fault.
     """
 
+    streams = Streams(accelerometer=False, rpy=False)
     farewell = 2.0
     """[s] of damping datagrams at the end: until a robot lies, for the actuators then go limp"""
 
     def __init__(self, link: Link, can: Can, robot: Robot) -> None:
         """Raises InputError if the actuators do not fit the robot."""
         super().__init__(link)
+        self.tick_seconds = 1e-3  # the IMU's clock
         layout = self._layout = Layout(can, robot)
         joints = len(layout.joints)
         self.state.mode[:] = MODE_SERVO

@@ -24,6 +24,9 @@ from rmll_onboard.slew import Slew
 from rmll_onboard.supervisor import NS, Mode, Request, Supervisor
 from rmll_onboard.wire import open_wire
 
+_REFUSAL_NS = 2_000_000_000
+"""A robot that shall stand up waits so long for its sensors to agree"""
+
 
 class Daemon:
     """One gait on one robot."""
@@ -59,6 +62,7 @@ class Daemon:
         self._action_guard = ActionGuard(contract.action_clip, safety.action_steps)
         self._monitor = GaitMonitor(bundle.table, safety.stuck)
         self._presence = Presence(safety)
+        self._unready_since: int | None = None
         self._walk = _Walk(bundle)
         self._halt = _Halt(settings.motion.slow_down)
         self._slew = Slew(bundle.table.commands, settings.steering, contract.policy_hz)
@@ -74,7 +78,7 @@ class Daemon:
         if self.intake.fault:
             supervisor.trip(self.intake.fault)
         before = supervisor.mode
-        orders = self._orders(now, before, pressed)
+        orders = self._ready(now, before, self._orders(now, before, pressed))
         moving, walking = before is not Mode.DAMPING, before is Mode.WALKING
         seen = Seen(now, state, fresh, gravity, moving, walking)
         mode = supervisor.update(now, state, self._guard.complaint(seen), orders.request)
@@ -145,6 +149,20 @@ class Daemon:
         if mode is Mode.WALKING and self._stuck():
             return orders._replace(request=Request.STAND)
         return orders
+
+    def _ready(self, now: int, mode: Mode, orders: Orders) -> Orders:
+        """A robot whose sensors disagree does not stand up, and gives up when they go on."""
+        doubt = None
+        if mode is Mode.DAMPING and orders.request is Request.STAND and not self.fault:
+            doubt = self._guard.sensors.unready(now)
+        if doubt is None:
+            self._unready_since = None
+            return orders
+        since = self._unready_since = self._unready_since or now
+        if now - since > _REFUSAL_NS:
+            told = f" ({self.intake.refusals})" if self.intake.rejected else ""
+            self._supervisor.trip(f"refused to stand up: {doubt}{told}")
+        return orders._replace(request=None)
 
     def _remote_lost(self, now: int, mode: Mode) -> bool:
         lost = self._presence.lost(now, self.intake.state.remote) and self.pilot.by_remote

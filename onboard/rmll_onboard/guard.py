@@ -14,6 +14,7 @@ from rmll_onboard import attitude
 from rmll_onboard.a1_wire import RobotState
 from rmll_onboard.intake import Intake
 from rmll_onboard.obedience import Obedience
+from rmll_onboard.sensor_monitor import SensorMonitor
 from rmll_onboard.settings import Safety
 from rmll_robots import Robot
 
@@ -76,6 +77,7 @@ class Guard:
         self.warnings: list[str] = []
         """What was no fault; the first hundred"""
         self.obedience = Obedience(safety.torque_error, safety.obedience_ms * 1e6 / period, robot)
+        self.sensors = SensorMonitor(robot, safety, intake.streams, intake.tick_seconds)
         self._names = robot.joint_names
         self._safety = safety
         self._intake = intake
@@ -88,14 +90,13 @@ class Guard:
         self._before: int | None = None
         self._left_out = self._broken = 0.0
         self._warned = np.zeros(len(self._names), bool)
-        self._still_ticks = np.zeros(len(self._names))
-        self._last_q, self._last_dq = np.zeros(len(self._names)), np.zeros(len(self._names))
+        self._doubted: set[str] = set()
         self._always = Row(self._stale), Row(self._wire), Row(self._late)
         self._measured = (
             *(Row(check) for check in (self._frozen, self._still, self._tilted, self._impossible)),
             *(
                 Row(check, safety.patience)
-                for check in (self._near, self._fast, self._power, self._heat)
+                for check in (self._near, self._fast, self._power, self._heat, self._senses)
             ),
             *(Row(check) for check in (self._mode, self._torque)),
         )
@@ -107,6 +108,7 @@ class Guard:
         """
         if seen.fresh:
             self.obedience.measure(seen.state)
+            self.sensors.measure(seen.now, seen.state, seen.moving, seen.walking)
             self._beyond = np.abs(seen.state.q - self._middle) - self._reach
             self._speed = np.abs(seen.state.dq)
         rows = self._always + self._measured if seen.fresh else self._always
@@ -122,8 +124,7 @@ class Guard:
         age = (seen.now - self._intake.heard) / 1e6
         if age <= self._safety.stale_ms:
             return None
-        refused = ", ".join(f"{count} {reason}" for reason, count in self._intake.refused.items())
-        return f"no state from the robot for {age:.0f} ms (refused: {refused or 'none'})"
+        return f"no state from the robot for {age:.0f} ms ({self._intake.refusals})"
 
     def _wire(self, seen: Seen) -> str | None:
         self._broken += (self._intake.only_broken - self._broken) / _BROKEN_TICKS
@@ -149,20 +150,22 @@ class Guard:
         return f"the robot's measurements have not changed for {age:.0f} ms"
 
     def _still(self, seen: Seen) -> str | None:
-        q, dq = seen.state.q, seen.state.dq
-        same = (q == self._last_q) & (dq == self._last_dq)
-        self._still_ticks = (self._still_ticks + 1) * (same & seen.walking)
-        self._last_q[:], self._last_dq[:] = q, dq
-        joint = int(self._still_ticks.argmax())
-        still = self._still_ticks[joint] * self._period / 1e6
-        if still <= self._safety.joint_still_ms:
-            return None
-        return f"{self._names[joint]} has read the same for {still:.0f} ms"
+        return self.sensors.joints.still(self._safety.joint_still_ms)
+
+    def _senses(self, seen: Seen) -> str | None:
+        if seen.moving and (doubt := self.sensors.doubt):
+            sensor, text = doubt
+            if sensor not in self._doubted:
+                self._doubted.add(sensor)
+                self.warn(text)
+        return self.sensors.fault
 
     def _tilted(self, seen: Seen) -> str | None:
         roll, pitch = attitude.roll_pitch(seen.gravity)
         if abs(roll) <= self._safety.roll_limit and abs(pitch) <= self._safety.pitch_limit:
             return None
+        if not np.isfinite(roll):
+            return f"no orientation: its quaternion is {seen.state.quaternion.tolist()}"
         return f"tilted: roll {roll:.2f} rad, pitch {pitch:.2f} rad"
 
     def _impossible(self, seen: Seen) -> str | None:

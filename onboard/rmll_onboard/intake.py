@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from rmll_onboard.a1_wire import BadPacket, Reason, RobotState, check_state, decode_state, peek_tick
+from rmll_onboard.sensor_monitor import Streams
 from rmll_onboard.settings import Link
 
 BROKEN = frozenset({Reason.LENGTH, Reason.LEVEL, Reason.CRC, Reason.NOT_FINITE})
@@ -28,6 +29,7 @@ class Intake:
     """What the wire itself knows to be wrong with the robot: on this one, nothing"""
     missing = ""
     """Who has not been heard yet, where several have to be"""
+    streams = Streams(accelerometer=True, rpy=True)
     farewell = 0.5
     """[s] of damping datagrams at the end; the board then brakes by itself"""
 
@@ -48,11 +50,20 @@ class Intake:
         self._tick: int | None = None
         self._measured = b""
         self._tick_ns = link.tick_us * 1000
+        self.tick_seconds = link.tick_us * 1e-6
+        """[s] of a count of :attr:`RobotState.tick`"""
 
     @property
     def rejected(self) -> int:
         """Datagrams that were broken or of another time."""
         return self.refused.total() - self.refused[Reason.REPEATED] - self.refused[Reason.LATE]
+
+    @property
+    def refusals(self) -> str:
+        """How many datagrams were refused, and why."""
+        counts = ", ".join(f"{count} {reason}" for reason, count in self.refused.items())
+        hint = "; is link.tick_us right?" if self.refused[Reason.AHEAD] > self.received else ""
+        return f"refused: {counts or 'none'}{hint}"
 
     def opening(self) -> bytes | None:
         """What to send in place of the next command, to a robot that has to be switched on."""

@@ -99,6 +99,22 @@ class Safety(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     frozen_ms: Annotated[
         float, Meta(ge=20, le=5000, description="[ms] of new states with the same measurements")
     ] = 100.0
+    orientation_error: Annotated[
+        float,
+        Meta(ge=0.02, le=1000, description="[rad] that orientation and gyroscope may drift apart"),
+    ] = 0.1
+    speed_error: Annotated[
+        float,
+        Meta(ge=0.02, le=1000, description="[rad] that a joint's angle and speed may drift apart"),
+    ] = 0.15
+    gravity_error: Annotated[
+        float,
+        Meta(ge=0.2, le=20, description="[m/s2] the accelerometer may be off, lying; twice, later"),
+    ] = 2.0
+    rpy_error: Annotated[
+        float,
+        Meta(ge=0.02, le=4, description="[rad] of the orientation from the board's own angles"),
+    ] = 0.1
     joint_still_ms: Annotated[
         float, Meta(ge=50, le=5000, description="[ms] that one joint may read the same in a walk")
     ] = 500.0
