@@ -131,6 +131,39 @@ class WrongGyro(Fault, frozen=True):
     """[rad/s]"""
 
 
+SensorName = Literal[
+    "orientation", "gyroscope", "accelerometer", "rpy", "joint_angles", "joint_speeds",
+    "joint_torques", "feet",
+]  # fmt: skip
+
+
+class FrozenSensor(Fault, frozen=True):
+    """A sensor goes on with what it read when the fault began, while all others are live."""
+
+    sensors: Annotated[tuple[SensorName, ...], Meta(min_length=1)]
+
+
+class DeadSensor(Fault, frozen=True):
+    """A sensor reads 0; an orientation then is no rotation."""
+
+    sensors: Annotated[tuple[SensorName, ...], Meta(min_length=1)]
+
+
+class DeadImu(Fault, frozen=True):
+    """As after a power fault: the orientation of a level robot, and 0 for all else."""
+
+
+class SwappedQuaternion(Fault, frozen=True):
+    """The orientation's parts come in the order x, y, z, w; all else is in order."""
+
+
+class NoisyFeet(Fault, frozen=True):
+    """The feet's sensors read anything between two values, whatever the load."""
+
+    low: Annotated[int, Meta(ge=-32768, le=32767)] = 18
+    high: Annotated[int, Meta(ge=-32768, le=32767)] = 29
+
+
 class DeadFoot(Fault, frozen=True):
     """The foot's force sensor reads the same whatever the load."""
 
@@ -176,7 +209,8 @@ class RemoteLost(Fault, frozen=True):
 
 AnyFault = (
     Network | Frozen | StuckJoint | NanJoint | WrongJoint | HotJoint | BrakedJoint | FlippedImu
-    | WrongGyro | DeadFoot | Push | Kick | OtherCommander | Remote | RemoteLost
+    | WrongGyro | FrozenSensor | DeadSensor | DeadImu | SwappedQuaternion | NoisyFeet | DeadFoot
+    | Push | Kick | OtherCommander | Remote | RemoteLost
 )  # fmt: skip
 Plan = tuple[AnyFault, ...]
 

@@ -34,6 +34,8 @@ class Sabotage:
         self._robot = robot
         self._has_remote = any(isinstance(f, faults.Remote | faults.RemoteLost) for f in plan)
         self._stuck: dict[int, float] = {}
+        self._frozen: dict[tuple[Fault, str], np.ndarray] = {}
+        self._random = np.random.default_rng(0)
         self._last = b""
 
     def before_step(self, now_ms: int) -> None:
@@ -80,6 +82,21 @@ class Sabotage:
                     state.rpy[:] = roll_pitch_yaw(state.quaternion)
                 case faults.WrongGyro():
                     state.gyro += fault.rate
+                case faults.FrozenSensor():
+                    for name in fault.sensors:
+                        values = _sensor(state, name)
+                        values[:] = self._frozen.setdefault((fault, name), values.copy())
+                case faults.DeadSensor():
+                    for name in fault.sensors:
+                        _sensor(state, name)[:] = 0
+                case faults.DeadImu():
+                    for name in ("gyroscope", "accelerometer", "rpy"):
+                        _sensor(state, name)[:] = 0
+                    state.quaternion[:] = 1, 0, 0, 0
+                case faults.SwappedQuaternion():
+                    state.quaternion[:] = state.quaternion[[1, 2, 3, 0]]
+                case faults.NoisyFeet():
+                    state.foot_force[:] = self._random.integers(fault.low, fault.high + 1, 4)
                 case faults.DeadFoot():
                     state.foot_force[self._robot.foot_names.index(fault.foot)] = fault.reads
         if self._has_remote:
@@ -128,6 +145,20 @@ class Sabotage:
         last = held[-1] if held else faults.Remote()
         sticks = remote.Remote(buttons, last.lx, last.ly, last.rx, last.ry)
         return REMOTE_HEAD + remote.encode(sticks)[len(REMOTE_HEAD) :]
+
+
+_FIELDS = {
+    "orientation": "quaternion",
+    "gyroscope": "gyro",
+    "joint_angles": "q",
+    "joint_speeds": "dq",
+    "joint_torques": "tau",
+    "feet": "foot_force",
+}
+
+
+def _sensor(state: RobotState, name: str) -> np.ndarray:
+    return getattr(state, _FIELDS.get(name, name))
 
 
 def _unsealed(datagram: bytes) -> np.ndarray:

@@ -15,7 +15,7 @@ are calibrated.
 """
 
 from collections.abc import Sequence
-from math import cos, exp, sin, sqrt
+from math import asin, cos, exp, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -43,8 +43,10 @@ _LONGEST = 0.0125
 _RESTARTED = 1.0
 """[s] that no state takes; the board's clock was set anew"""
 _FASTEST = 15.0
-"""[rad/s] at which a base turns. Faster ones, as joint speeds beyond the robot's, are taken for
-that: a single wrong reading then stays below the limits, and ends no walk"""
+"""[rad/s] at which a base turns. A faster rate is taken for that, so that a single wrong reading
+stays below the limit and ends no walk"""
+_FASTEST_JOINT = 1.5
+"""The same, times the robot's own limit of joint speeds"""
 _TRAIL = 32
 """States kept, one of each four, to tell the motion since a value last changed"""
 _TURNED = 0.05
@@ -68,7 +70,7 @@ class SensorMonitor:
         self._safety = safety
         self._streams = streams
         self._tick_seconds = tick_seconds
-        self._tick = 0
+        self._tick: int | None = None
         self.attitude = Attitude()
         self.joints = Joints(robot)
         self.values = Values(robot, streams, safety)
@@ -78,9 +80,8 @@ class SensorMonitor:
 
     def measure(self, now: int, state: RobotState, moving: bool, walking: bool) -> None:
         """A new state came, at ``now`` [ns]; ``moving``: the robot is not damped."""
-        dt = (state.tick - self._tick & 0xFFFFFFFF) * self._tick_seconds
-        self._tick = state.tick
-        if moving or dt > _RESTARTED:
+        dt = self._passed(state.tick)
+        if moving or not dt:
             self._rest, self._rest_began = 0.0, now
         else:
             self._rest += dt
@@ -96,6 +97,14 @@ class SensorMonitor:
             self.attitude.weigh(state.accelerometer, MOVING if moving else LYING)
         elif self._turn == 3 and self._streams.rpy:
             self.attitude.compare(state.rpy)
+
+    def _passed(self, tick: int) -> float:
+        """[s] since the state before; 0 if there was none, or the board's clock was set anew."""
+        before, self._tick = self._tick, tick
+        if before is None:
+            return 0.0
+        passed = (tick - before & 0xFFFFFFFF) * self._tick_seconds
+        return passed if passed <= _RESTARTED else 0.0
 
     @property
     def fault(self) -> str | None:
@@ -223,8 +232,9 @@ class Attitude:
 
     def rpy_text(self) -> str:
         return (
-            f"the orientation is not that of the board's own roll, pitch and yaw (by "
-            f"{self.rpy_error:.2f} rad); are the quaternion's parts in another order?"
+            f"the orientation is not that of the board's own roll, pitch and yaw, by "
+            f"{2 * asin(min(1.0, self.rpy_error / 2)):.2f} rad; are the quaternion's parts in "
+            "another order?"
         )
 
     def gravity_text(self) -> str:
@@ -244,7 +254,7 @@ class Joints:
     def __init__(self, robot: Robot) -> None:
         joints = len(robot.joint_names)
         self._names = robot.joint_names
-        self._fastest = robot.velocity_limit
+        self._fastest = _FASTEST_JOINT * robot.velocity_limit
         # how far angles and integrated speeds are apart [rad]; then angles and speeds, newest
         # and before, which change places at every state; one product adds all of it up
         self._rows = np.zeros((5, joints))

@@ -106,7 +106,7 @@ class Safety(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     speed_error: Annotated[
         float,
         Meta(ge=0.02, le=1000, description="[rad] that a joint's angle and speed may drift apart"),
-    ] = 0.15
+    ] = 0.2
     gravity_error: Annotated[
         float,
         Meta(ge=0.2, le=20, description="[m/s2] the accelerometer may be off, lying; twice, later"),

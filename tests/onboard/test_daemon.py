@@ -279,7 +279,7 @@ def huge_numbers(lockstep):
         (silence, "no state"),
         (corruption, "no state"),
         (fall, "tilted: roll 1.60"),
-        (dead_imu, "tilted"),
+        (dead_imu, "no orientation: its quaternion is [0.0, 0.0, 0.0, 0.0]"),
         (huge_numbers, "speeds that no joint"),
     ],
     ids=lambda value: getattr(value, "__name__", value),
