@@ -230,20 +230,20 @@ def decode_state(datagram: bytes, out: RobotState | None = None) -> RobotState:
     ``out`` is not touched by a bad packet.
     """
     packet = _checked(datagram, LOW_STATE)
-    motor = packet["motor"][:JOINTS]
-    q, dq, quaternion = motor["q"], motor["dq"], packet["quaternion"]
-    gyro, accelerometer, rpy = packet["gyroscope"], packet["accelerometer"], packet["rpy"]
-    _refuse_unless_finite(q, dq, quaternion, gyro, accelerometer, rpy)
+    motor, imu = packet["motor"][:JOINTS], np.frombuffer(datagram, "<f4", _IMU_SIZE, _IMU_OFFSET)
+    q, dq = motor["q"], motor["dq"]
+    _refuse_unless_finite(q, dq, imu)
     state = RobotState() if out is None else out
     state.mode[:] = motor["mode"]
     state.q[:] = q
     state.dq[:] = dq
     np.divide(motor["tau"], TAU_SCALE, out=state.tau)
     state.temperature[:] = motor["temperature"]
-    state.quaternion[:] = quaternion
-    state.gyro[:] = gyro
-    state.accelerometer[:] = accelerometer
-    state.rpy[:] = rpy
+    # quaternion, gyroscope, accelerometer, roll pitch yaw; one after the other in the packet
+    state.quaternion[:] = imu[:4]
+    state.gyro[:] = imu[4:7]
+    state.accelerometer[:] = imu[7:10]
+    state.rpy[:] = imu[10:]
     state.foot_force[:] = packet["foot_force"]
     state.tick = int(packet["tick"])
     state.remote = packet["remote"].tobytes()
@@ -279,6 +279,8 @@ def protected(length: int) -> int:
 
 
 _TICK = slice(719, 723)
+_IMU_SIZE, _IMU_OFFSET = 13, np.dtype(HEADER).itemsize
+"""In a state the IMU comes next"""
 _MIRROR = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
@@ -313,7 +315,7 @@ def _checked(datagram: bytes, kind: np.dtype) -> NDArray[np.void]:
 
 def _saturated(counts: NDArray) -> NDArray:
     # the cast to int16 that follows truncates towards zero, as the SDK does
-    return counts.clip(-32768, 32767)
+    return np.minimum(np.maximum(counts, -32768), 32767)
 
 
 def _finite(arrays: tuple[NDArray, ...]) -> bool:

@@ -151,11 +151,12 @@ class Supervisor:
 
     def _safe(self, wanted: Array, state: RobotState, kp: float, kd: float) -> Array:
         """The target nearest to ``wanted`` within joint limits and torque, the torque first."""
-        robot = self._robot
-        damping = kd * state.dq
-        low = state.q + (damping - self._torque_limit) / kp
-        high = state.q + (damping + self._torque_limit) / kp
-        return wanted.clip(robot.joint_lower, robot.joint_upper).clip(low, high)
+        robot, room = self._robot, self._torque_limit / kp
+        # where the damping alone takes the joint; minimum and maximum, for clip() takes thrice as
+        # long for so few
+        middle = state.q + (kd / kp) * state.dq
+        safe = np.minimum(np.maximum(wanted, robot.joint_lower), robot.joint_upper)
+        return np.minimum(np.maximum(safe, middle - room), middle + room)
 
     def _fill(self, q: Array | float, kp: float, kd: float) -> MotorCommand:
         command = self._command

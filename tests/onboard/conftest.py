@@ -184,7 +184,7 @@ def bundle(bundle_path) -> Bundle:
 
 @pytest.fixture
 def brisk() -> Settings:
-    """All movements in a tenth of a second, and commands at once.
+    """All movements in tenths of a second, and commands at once.
 
     That the machine is busy with other tests is no fault of the robot's, nor that its joints move
     without torques.
@@ -193,7 +193,7 @@ def brisk() -> Settings:
         safety=Safety(missed_ticks=400, torque_error=100),
         link=Link(startup_timeout=0.3),
         steering=Steering(acceleration=1000, turning=1000, frequency=1000),
-        motion=Motion(crouch=0.1, rise=0.1, settle=0.1, slow_down=0.1, sit=0.1),
+        motion=Motion(crouch=0.2, rise=0.2, settle=0.1, slow_down=0.1, sit=0.2),
     )
 
 

@@ -54,15 +54,20 @@ def start(bundle_path, brisk, tmp_path):
     settings = tmp_path / "settings.yaml"
     settings.write_text(yaml.safe_dump(msgspec.to_builtins(brisk)))
 
+    started: list[subprocess.Popen[str]] = []
+
     def run(*flags: str, **process: Any) -> subprocess.Popen[str]:
         command = [
             *(sys.executable, "-m", "rmll_onboard.cli"),
             *("--policy", str(bundle_path), "--settings", str(settings), *flags),
         ]
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-        return subprocess.Popen(command, text=True, **pipes | process)
+        started.append(subprocess.Popen(command, text=True, **pipes | process))
+        return started[-1]
 
-    return run
+    yield run
+    for one in started:  # of a test that failed
+        one.kill()
 
 
 def test_it_walks_over_udp_and_reports(start, served, tmp_path):
