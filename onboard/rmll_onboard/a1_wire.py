@@ -16,6 +16,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from rmll_onboard.remote import decode as decode_remote
+
 LOW_LEVEL = 0xFF
 """Level flag of packets that talk about motors, and not about walking"""
 MODE_BRAKE = 0x00
@@ -234,6 +236,7 @@ def decode_state(datagram: bytes, out: RobotState | None = None) -> RobotState:
     q, dq, quaternion = motor["q"], motor["dq"], packet["quaternion"]
     gyro, accelerometer, rpy = packet["gyroscope"], packet["accelerometer"], packet["rpy"]
     _refuse_unless_finite(q, dq, quaternion, gyro, accelerometer, rpy)
+    remote = _sane_remote(packet["remote"].tobytes())
     state = RobotState() if out is None else out
     state.mode[:] = motor["mode"]
     state.q[:] = q
@@ -246,7 +249,7 @@ def decode_state(datagram: bytes, out: RobotState | None = None) -> RobotState:
     state.rpy[:] = rpy
     state.foot_force[:] = packet["foot_force"]
     state.tick = int(packet["tick"])
-    state.remote = packet["remote"].tobytes()
+    state.remote = remote
     return state
 
 
@@ -329,6 +332,15 @@ def _require_finite(*arrays: NDArray) -> None:
 def _refuse_unless_finite(*arrays: NDArray) -> None:
     if not _finite(arrays):
         raise BadPacket(Reason.NOT_FINITE)
+
+
+def _sane_remote(data: bytes) -> bytes:
+    """The same. The daemon asks for the same bytes' meaning next, so looking costs nothing."""
+    try:
+        decode_remote(data)
+    except ValueError:
+        raise BadPacket(Reason.NOT_FINITE) from None
+    return data
 
 
 _FLOAT32_MAX = float(np.finfo(np.float32).max)
