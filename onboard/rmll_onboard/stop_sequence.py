@@ -48,7 +48,7 @@ class StopSequence:
             self._begin(now, self._then if self.under_way else Request.STAND)
         if wanted.request is Request.WALK and not self._stuck:
             self._since = None
-        elif wanted.request in (Request.STAND, Request.SIT):
+        elif wanted.request is Request.STAND or wanted.request is Request.SIT:
             self._begin(now, wanted.request)
         if self._since is None:
             return wanted

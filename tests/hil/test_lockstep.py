@@ -33,7 +33,9 @@ def test_stands_up_and_lies_down_again(standing: Path) -> None:
     height = outcome.truth["position"][:, 2]
     assert height.max() > 0.28
     assert height[-1] < 0.15
-    upright = outcome.truth[np.abs(height - height.max()) < 0.02]
+    # not while it plants its feet and sits down, which is faster than its weight
+    before = outcome.truth["time_ns"] <= outcome.report["walking_end_ns"]
+    upright = outcome.truth[before & (np.abs(height - height.max()) < 0.02)]
     assert upright["contact"].all(axis=1).mean() > 0.95
 
 

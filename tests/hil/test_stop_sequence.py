@@ -1,6 +1,6 @@
 """Every end of a walk keeps the robot on its feet, that of a gait whose feet feel nothing too.
 
-``python tests/hil/test_stop_sequence.py 50`` makes the table of docs/faults.md.
+``python tests/hil/test_stop_sequence.py 50`` makes the table of docs/stopping.md.
 """
 
 import sys
@@ -144,7 +144,7 @@ def end(gait: str, seed: int, numb: bool = True, request: Request | None = None)
     return End(upright, report["stuck_walks"] > 0, float(np.hypot(*velocity)), report["warnings"])
 
 
-@pytest.mark.parametrize("gait", ["trot", "pace", "bound"])
+@pytest.mark.parametrize("gait", GAITS)
 @pytest.mark.parametrize("seed", range(3))
 def test_feet_that_feel_nothing_any_more_at_full_speed(gait: str, seed: int) -> None:
     ended = end(gait, seed)

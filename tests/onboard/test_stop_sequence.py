@@ -113,7 +113,7 @@ def test_from_any_state_of_any_gait_there_is_a_way_on():
     for gait in library_names():
         table = load_gait(gait)
         stop = StopSequence(table, 1.0)
-        for state in range(table.num_states):
+        for state in set(range(table.num_states)) - {table.sink}:
             pose = int(label(stop.contacts(state)[0]))
             assert table.next_state[state, pose] != state
 
