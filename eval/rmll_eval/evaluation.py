@@ -6,7 +6,7 @@ from typing import Any
 
 from rmll_eval.conditions import Conditions
 from rmll_eval.paper import FLAT, Reference
-from rmll_eval.walk import ENERGY, METRICS, Walk, fallen, faulted, mean, worst
+from rmll_eval.walk import ENERGY, METRICS, Walk, fallen, faulted, mean, stuck, worst
 
 _WORLDS = {"emulator": "in the emulator", "trainer": "in the trainer's world"}
 
@@ -72,6 +72,7 @@ class Evaluation:
             "episodes": len(walks),
             "falls": fallen(walks),
             "faults": faulted(walks),
+            "stuck": stuck(walks),
             **{m.name: {"mean": mean(m, walks), "worst": worst(m, walks)} for m in METRICS},
             "energy_at_the_papers_speeds": reference
             and {

@@ -5,7 +5,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rmll_eval.evaluation import Evaluation
-from rmll_eval.walk import ENERGY, METRICS, Metric, fallen, faulted, mean, worst
+from rmll_eval.walk import ENERGY, METRICS, Metric, fallen, faulted, mean, stuck, worst
 from rmll_view.console import console
 
 
@@ -36,6 +36,8 @@ def _summary(evaluation: Evaluation) -> Table:
     table.add_row("falls", f"{fallen(walks)} of {len(walks)}")
     if faults := faulted(walks):
         table.add_row("faults", f"{faults} of {len(walks)}")
+    if stopped := stuck(walks):
+        table.add_row("stuck", f"{stopped} of {len(walks)}")
     return table
 
 

@@ -28,6 +28,8 @@ class Walk:
     """[m]"""
     falls: int
     fault: str | None = None
+    stuck: bool = False
+    """It stopped by itself, for its gait waited too long for a contact"""
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,11 @@ def worst(metric: Metric, walks: Sequence[Walk]) -> float | None:
 def fallen(walks: Sequence[Walk]) -> int:
     """Number of walks in which the robot fell."""
     return sum(walk.falls > 0 for walk in walks)
+
+
+def stuck(walks: Sequence[Walk]) -> int:
+    """Number of walks that the robot ended by itself, stuck in its gait."""
+    return sum(walk.stuck for walk in walks)
 
 
 def faulted(walks: Sequence[Walk]) -> int:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rmll_gaits.errors import InputError
+from rmll_gaits.label import NUM_LABELS
 from rmll_gaits.pose import BITS, PAPER_FEET
 from rmll_gaits.table import ADVANCE, MachineTable
 
@@ -100,6 +101,25 @@ def main_cycle(table: MachineTable) -> tuple[Phase, ...]:
                 for there, hop, after in zip(route[1:], hops, hops[1:] + hops[:1], strict=True)
             )
     raise InputError(f"gait {table.gait}: no cycle leads through or from {table.states[0]}")
+
+
+def next_labels(table: MachineTable) -> tuple[int, ...]:
+    """Per state the label of the pose that it waits for.
+
+    On the main cycle that cycle's next pose, elsewhere the one of the quickest edge; a state that
+    no edge leaves, such as the sink, waits for nothing and has all feet down.
+    """
+    cycle = main_cycle(table)
+    after = {
+        before.state: phase.label
+        for before, phase in zip(cycle, cycle[1:] + cycle[:1], strict=True)
+    }
+    labels = []
+    for state in range(table.num_states):
+        hops = _successors(table, state).values()
+        quickest = min(hops, default=_Hop(0.0, NUM_LABELS - 1)).label
+        labels.append(after.get(state, quickest))
+    return tuple(labels)
 
 
 class _Hop(NamedTuple):

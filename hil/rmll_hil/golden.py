@@ -23,7 +23,7 @@ from rmll_onboard.bundle import Bundle, load_bundle
 from rmll_onboard.mcap_file import log_file
 from rmll_onboard.pilot import FlagPilot, Orders, Pilot, RemotePilot
 from rmll_onboard.remote import Remote
-from rmll_onboard.settings import Motion, Safety, Settings
+from rmll_onboard.settings import Motion, Safety, Settings, Steering
 from rmll_onboard.supervisor import NS, Mode
 
 FOLDER = Path("tests/hil/golden")
@@ -86,7 +86,7 @@ def fault(row: Row, bundle: Bundle) -> Story:
     """The fault as in the table, a little earlier."""
     commands = bundle.table.commands
     pilot = (
-        RemotePilot(commands, commands.middle_frequency)
+        RemotePilot(commands, commands.middle_frequency, Steering().deadband)
         if row.remote
         else FlagPilot(commands, vx=0.4)
     )

@@ -25,7 +25,8 @@ def summary(outcome: Outcome, gait: str, robot: Robot) -> dict[str, Any]:
     ``vx_error`` [m/s], ``wz_error`` [rad/s]: mean absolute error of the true velocity in the
     base frame after the first second. ``falls``: how often the base touched the ground.
     ``distance`` [m]: the way on the ground. ``energy_per_metre`` [J/m]: sum |torque x speed| dt
-    over it. ``cost_of_transport``: that over the weight.
+    over it. ``cost_of_transport``: that over the weight. ``stuck``: the gait waited so long for a
+    contact that the robot stopped by itself.
     """
     report = outcome.report
     start, end = report["walking_start_ns"], report["walking_end_ns"]
@@ -47,6 +48,7 @@ def summary(outcome: Outcome, gait: str, robot: Robot) -> dict[str, Any]:
         "energy_per_metre": energy,
         "cost_of_transport": cost_of_transport(energy, robot),
         "fault": report["fault"],
+        "stuck": report["stuck_walks"] > 0,
         "warnings": report["warnings"],
         "realtime_factor": outcome.realtime_factor,
         **{

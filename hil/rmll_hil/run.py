@@ -47,8 +47,8 @@ def run(
     print_json: bool,
     out: Path | None,
 ) -> None:
-    """Arguments as the command's. Raises Failure, after all is printed, if the robot faulted, or
-    fell on a machine that is too busy to judge it."""
+    """Arguments as the command's. Raises Failure, after all is printed, if the robot faulted, got
+    stuck, or fell on a machine that is too busy to judge it."""
     settings.check()
     policy = find_policy(policy)
     bundle = load_bundle(policy)
@@ -90,7 +90,9 @@ def run(
     print(f"{folder}: {outcome.realtime_factor:.2f} x real time", file=sys.stderr)
     fault = outcome.report["fault"]
     trouble = fault and f"the robot went into damping: {fault}"
-    if not in_lockstep and not plan and (fault or summary["falls"]):
+    if summary["stuck"] and not fault:
+        trouble = f"the robot stopped walking by itself: {'; '.join(outcome.report['warnings'])}"
+    if not in_lockstep and not plan and (trouble or summary["falls"]):
         busy = realtime.too_busy(outcome.report)
         trouble = f"{busy} ({trouble or 'the robot fell'})" if busy else trouble
     if trouble:

@@ -86,6 +86,7 @@ def onboard(
     steps = prove(bundle)
     if check:
         contents = {"bundle": str(policy)} | _contents(bundle, steps)
+        contents["deadband"] = options.steering.deadband
         _show(contents if json else contents | {"provenance": _essentials(bundle)}, json)
         return 0
     flags = {"vx": vx, "wz": wz, "frequency": frequency}
@@ -152,10 +153,10 @@ def _leading(
         raise InputError(f"{' and '.join(leaders)}: one can lead, not both")
     if seconds is not None and not flags:
         raise InputError("--seconds needs one of --vx, --wz, --frequency")
-    frequency = ranges.middle_frequency
+    frequency, deadband = ranges.middle_frequency, settings.steering.deadband
     if gamepad:
         device = None if str(gamepad) == "auto" else gamepad
-        with closing(GamepadPilot(open_gamepad(device), ranges, frequency)) as pilot:
+        with closing(GamepadPilot(open_gamepad(device), ranges, frequency, deadband)) as pilot:
             yield pilot
     elif commands:
         silence = settings.steering.silence
@@ -164,7 +165,7 @@ def _leading(
     elif flags:
         yield FlagPilot(ranges, seconds=seconds, **flags)
     else:
-        yield RemotePilot(ranges, frequency)
+        yield RemotePilot(ranges, frequency, deadband)
 
 
 def _contents(bundle: Bundle, steps: int) -> dict[str, Any]:

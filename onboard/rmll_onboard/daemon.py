@@ -21,6 +21,7 @@ from rmll_onboard.pilot import Orders, Pilot
 from rmll_onboard.presence import Presence
 from rmll_onboard.settings import Settings
 from rmll_onboard.slew import Slew
+from rmll_onboard.stop_sequence import StopSequence
 from rmll_onboard.supervisor import NS, Mode, Request, Supervisor
 from rmll_onboard.wire import open_wire
 
@@ -61,10 +62,10 @@ class Daemon:
         self._guard = Guard(bundle.robot, safety, self.intake, self.period)
         self._action_guard = ActionGuard(contract.action_clip, safety.action_steps)
         self._monitor = GaitMonitor(bundle.table, safety.stuck)
-        self._presence = Presence(safety)
+        self._presence = Presence(safety, settings.steering.deadband)
         self._unready_since: int | None = None
         self._walk = _Walk(bundle)
-        self._halt = _Halt(settings.motion.slow_down)
+        self._stop = StopSequence(bundle.table, settings.motion.slow_down)
         self._slew = Slew(bundle.table.commands, settings.steering, contract.policy_hz)
 
     def tick(self, now: int, datagrams: Sequence[bytes]) -> bytes:
@@ -92,7 +93,7 @@ class Daemon:
         self.policy_ran = self.due and mode is Mode.WALKING
         if self.policy_ran:
             self._step_policy(gravity, self._slew.step(orders.command))
-            if not self._halt.under_way:
+            if not self._stop.under_way:
                 self._walk.count(now, self.controller)
         elif self.due and self.intake.received:
             self._feet.rest(mode, state.foot_force)
@@ -130,6 +131,7 @@ class Daemon:
         return self._walk.report() | {
             "fault": self.fault,
             "warnings": self._guard.warnings,
+            "stuck_walks": self._stop.stuck_walks,
             "feet": self._feet.report(),
             "refused": refused,
         }
@@ -145,10 +147,8 @@ class Daemon:
             return orders._replace(request=None)
         if self.stopping or self._remote_lost(now, mode):
             orders = orders._replace(request=Request.SIT)
-        orders = self._halt.ease(now, mode, orders)
-        if mode is Mode.WALKING and self._stuck():
-            return orders._replace(request=Request.STAND)
-        return orders
+        stuck = mode is Mode.WALKING and self._stuck()
+        return self._stop.orders(now, mode, orders, stuck)
 
     def _ready(self, now: int, mode: Mode, orders: Orders) -> Orders:
         """A robot whose sensors disagree does not stand up, and gives up when they go on."""
@@ -187,39 +187,15 @@ class Daemon:
         )
         if complaint := self._feet.complaint:
             self._guard.warn(complaint)
+        if self._stop.under_way:
+            touching, clear = self._stop.contacts(self.controller.state)
         self._target[joints] = self.controller.step(touching, clear, sensed, command)
         if complaint := self._action_guard.complaint(self.controller.raw_action):
             self._supervisor.trip(complaint)
 
 
-class _Halt:
-    """The way out of walking: some steps on the spot first, for at speed the robot tips over."""
-
-    def __init__(self, seconds: float) -> None:
-        self._duration = int(seconds * NS)
-        self._since: int | None = None
-        self._then = Request.STAND
-
-    @property
-    def under_way(self) -> bool:
-        return self._since is not None
-
-    def ease(self, now: int, mode: Mode, orders: Orders) -> Orders:
-        """The orders to follow instead. WALK calls a halt off; a fault does not ask for one."""
-        if mode is not Mode.WALKING or orders.request is Request.WALK:
-            self._since = None
-        elif orders.request is not None:
-            self._since = now if self._since is None else self._since
-            self._then = orders.request
-        if self._since is None:
-            return orders
-        _, _, frequency = orders.command
-        over = now - self._since >= self._duration
-        return Orders(self._then if over else None, (0.0, 0.0, frequency))
-
-
 class _Walk:
-    """Counts of all policy steps so far, those of a halt left out."""
+    """Counts of all policy steps so far, those of a stop left out."""
 
     def __init__(self, bundle: Bundle) -> None:
         self._table = bundle.table

@@ -29,8 +29,6 @@ KEYS = {
     0x221: Button.DOWN,
 }
 X, Y, Z, RX, RY, HAT_Y = 0, 1, 2, 3, 4, 0x11
-DEAD_ZONE = 0.08
-"""Share of a stick's way that counts as released"""
 
 
 class Device(Protocol):
@@ -106,12 +104,11 @@ class Gamepad:
         return Remote(buttons, lx, ly, rx, ry)
 
     def _share(self, axis: int) -> float:
-        """-1 to 1 on the way from an axis's least value to its greatest, 0 around the middle."""
+        """-1 to 1 on the way from an axis's least value to its greatest, 0 in the middle."""
         low, high = self._range.get(axis, (0, 0))
         if high <= low:
             return 0.0
-        share = min(1.0, max(-1.0, 2 * (self._axes[axis] - low) / (high - low) - 1))
-        return 0.0 if abs(share) < DEAD_ZONE else share
+        return min(1.0, max(-1.0, 2 * (self._axes[axis] - low) / (high - low) - 1))
 
 
 class GamepadPilot:
@@ -119,10 +116,12 @@ class GamepadPilot:
 
     by_remote = False
 
-    def __init__(self, gamepad: Gamepad, commands: Commands, frequency: float) -> None:
+    def __init__(
+        self, gamepad: Gamepad, commands: Commands, frequency: float, deadband: float
+    ) -> None:
         self.complaint: str | None = None
         self._gamepad = gamepad
-        self._pilot = RemotePilot(commands, frequency)
+        self._pilot = RemotePilot(commands, frequency, deadband)
 
     def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
         pressed = self._gamepad.read()

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 from rmll_contract.flag import within
 from rmll_gaits.errors import InputError
 from rmll_gaits.table import Commands, nearest
-from rmll_onboard.remote import Button, Remote
+from rmll_onboard.remote import Button, Remote, past
 from rmll_onboard.supervisor import NS, Mode, Request
 
 SECONDS = 0.02, 1e6
@@ -48,21 +48,23 @@ class RemotePilot:
     """The person with the remote.
 
     START stands the robot up, A walks, B ends the walk, SELECT sits down. A stick at its end is
-    the fastest that was trained. UP takes a policy step off c_f, the steps get faster; DOWN adds
-    one.
+    the fastest that was trained; within its deadband it counts as released. UP takes a policy step
+    off c_f, the steps get faster; DOWN adds one.
     """
 
     by_remote = True
     complaint = None
 
-    def __init__(self, commands: Commands, frequency: float) -> None:
+    def __init__(self, commands: Commands, frequency: float, deadband: float) -> None:
+        """``frequency`` is c_f at first; ``deadband`` a share of a stick's way."""
         self._commands = commands
         self._frequency = frequency
+        self._deadband = deadband
         self._held = Button.NONE
 
     def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
-        vx = _scaled(remote.forward, self._commands.vx)
-        wz = _scaled(remote.turn, self._commands.wz)
+        vx = _scaled(past(remote.forward, self._deadband), self._commands.vx)
+        wz = _scaled(past(remote.turn, self._deadband), self._commands.wz)
         pushed = remote.buttons & ~self._held
         self._held = remote.buttons
         low, high = self._commands.frequency

@@ -1,7 +1,7 @@
 """The A1's wireless remote: forty bytes at the end of every LowState.
 
-Layout from unitree_legged_sdk's unitree_joystick.h; the two head bytes are not checked, what a
-real A1 puts there is not documented.
+Layout from unitree_legged_sdk's unitree_joystick.h. What a real A1 puts into the two head bytes and
+the 16 unused ones is not documented, so they are not looked at here.
 """
 
 import math
@@ -54,6 +54,11 @@ class Remote:
         """L2 and B together, as on the A1 itself."""
         return _EMERGENCY in self.buttons
 
+    def held(self, deadband: float) -> bool:
+        """Somebody presses a button, or pushes a stick further than it strays at rest."""
+        sticks = self.lx, self.ly, self.rx, self.ry
+        return bool(self.buttons) or any(abs(stick) > deadband for stick in sticks)
+
     @property
     def forward(self) -> float:
         """Share of the forward speed wanted, -1 to 1: the left stick, up is forward."""
@@ -67,9 +72,14 @@ class Remote:
 
 @lru_cache(maxsize=1)
 def decode(data: bytes) -> Remote:
-    """Read the remote's forty bytes; a stick that is no number counts as released."""
+    """Read the remote's forty bytes. Raises ValueError if a stick is no finite number."""
     buttons, lx, rx, ry, _l2, ly = _LAYOUT.unpack(data)
     return Remote(Button(buttons), _stick(lx), _stick(ly), _stick(rx), _stick(ry))
+
+
+def past(stick: float, deadband: float) -> float:
+    """A stick's way beyond ``deadband``: 0 within it, from there steadily up to 1 or -1."""
+    return math.copysign(max(0.0, abs(stick) - deadband) / (1 - deadband), stick)
 
 
 def encode(remote: Remote) -> bytes:
@@ -79,4 +89,6 @@ def encode(remote: Remote) -> bytes:
 
 
 def _stick(value: float) -> float:
-    return min(1.0, max(-1.0, value)) if math.isfinite(value) else 0.0
+    if not math.isfinite(value):
+        raise ValueError(f"a stick of the remote is {value}")
+    return min(1.0, max(-1.0, value))

@@ -61,6 +61,10 @@ class Steering(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     acceleration: Annotated[Rate, Meta(description="[m/s2] of the forward speed")] = 2.0
     turning: Annotated[Rate, Meta(description="[rad/s2] of the turning speed")] = 4.0
     frequency: Annotated[Rate, Meta(description="[policy steps/s] of c_f")] = 4.0
+    # what Unitree's own unitree_guide counts as released, on an A1 too
+    deadband: Annotated[
+        float, Meta(ge=0, le=0.5, description="share of a stick's way that counts as released")
+    ] = 0.08
     silence: Annotated[
         Seconds, Meta(description="[s] without a message on the command socket: it stands")
     ] = 1.0
@@ -133,9 +137,10 @@ class Safety(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     missed_ticks: Annotated[
         int, Meta(ge=1, le=400, description="ticks left out, less one for every four in time")
     ] = 20
+    # pushed on rough ground no walk waited for longer than 1.5; a half bound falls soon after 2
     stuck: Annotated[
         float, Meta(ge=2, le=100, description="times c_f without a transition: it stands")
-    ] = 10.0
+    ] = 2.0
     remote_lost_ms: Annotated[
         float, Meta(ge=50, le=10_000, description="[ms] without the remote that leads: it sits")
     ] = 500.0

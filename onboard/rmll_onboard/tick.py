@@ -26,6 +26,7 @@ class Inside(msgspec.Struct, frozen=True, array_like=True, gc=False):
     fault: str
     """Empty without one"""
     label: int
+    """In a stop, which the clock leads, that of the pose in turn and not of what the feet feel"""
     state: int
     phi: int
     advanced: bool

@@ -16,8 +16,9 @@ from rmll_onboard.pilot import FlagPilot
 from rmll_onboard.settings import Settings
 from rmll_onboard.supervisor import Mode
 
-_CALM = {"torque_error": 100.0, "stale_ms": 1000.0, "missed_ticks": 400}
-"""Safety settings: no motor obeys an understudy, and it only plays while a robot walks"""
+_CALM = {"torque_error": 100.0, "stale_ms": 1000.0, "missed_ticks": 400, "stuck": 100.0}
+"""Safety settings: no motor obeys an understudy, and it only plays while a robot walks,
+also to its stop"""
 
 
 class Understudy(Daemon):

@@ -75,11 +75,11 @@ def test_other_ground_is_named_and_not_compared_with_the_papers_flat_one() -> No
 
 
 def test_the_tables_name_metrics_with_their_units(capsys: pytest.CaptureFixture[str]) -> None:
-    show(evaluation(walk(fault="tilted", falls=2), walk(vx=-0.5)), as_grid=True)
+    show(evaluation(walk(fault="tilted", falls=2), walk(vx=-0.5, stuck=True)), as_grid=True)
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert "vx error [m/s] 0.10 0.10" in lines
     assert "energy per metre [J/m] at 0.5 to 1 m/s 50 50 43" in lines
-    assert {"falls 1 of 2", "faults 1 of 2"} <= set(lines)
+    assert {"falls 1 of 2", "faults 1 of 2", "stuck 1 of 2"} <= set(lines)
 
 
 def test_the_picture_shows_means_of_cells_and_marks_falls() -> None:

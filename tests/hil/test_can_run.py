@@ -12,7 +12,8 @@ from rmll_hil.serve_can import on_free_ports
 from rmll_onboard.can_settings import Can
 
 PATIENT = """
-safety: {stale_ms: 1000, missed_ticks: 400, frozen_ms: 5000, obedience_ms: 1000, torque_error: 100}
+safety: {stale_ms: 1000, missed_ticks: 400, frozen_ms: 5000, obedience_ms: 1000, torque_error: 100,
+  stuck: 100}
 can: {reply_timeout_ms: 1000}
 """
 """Two processes must find each other; how well they keep time is nothing for a busy machine"""
@@ -35,7 +36,9 @@ def has_interface_local_multicast() -> bool:
 
 
 def test_a_walk_in_lockstep_is_recorded_and_replays(standing: Path, tmp_path: Path) -> None:
-    done = hil("run", "--policy", standing, *FLAGS, "--lockstep", cwd=tmp_path)
+    (tmp_path / "patient.yaml").write_text("safety: {stuck: 100}")  # it makes no transitions
+    patient = "--settings", "patient.yaml"
+    done = hil("run", "--policy", standing, *FLAGS, *patient, "--lockstep", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     figures = json.loads(done.stdout)
     assert (figures["falls"], figures["fault"], figures["packets"]["lost"]) == (0, None, 0)

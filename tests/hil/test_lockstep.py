@@ -6,15 +6,21 @@ from rmll_hil import lockstep
 from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.metrics import summary
 from rmll_hil.outcome import Outcome
+from rmll_onboard import settings as onboard
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.pilot import FlagPilot
+from rmll_onboard.settings import Safety
 from rmll_robots import A1
+
+PATIENT = onboard.Settings(safety=Safety(stuck=100))
+"""A policy that stands makes no transitions"""
 
 
 def stand(bundle: Path, seed: int = 0) -> Outcome:
     loaded = load_bundle(bundle)
     pilot = FlagPilot(loaded.table.commands, seconds=1.0)
-    return lockstep.walk(Emulator(Settings(seed=seed)), loaded, pilot, lambda _: None)
+    emulator = Emulator(Settings(seed=seed))
+    return lockstep.walk(emulator, loaded, pilot, lambda _: None, settings=PATIENT)
 
 
 def test_stands_up_and_lies_down_again(standing: Path) -> None:
@@ -27,7 +33,9 @@ def test_stands_up_and_lies_down_again(standing: Path) -> None:
     height = outcome.truth["position"][:, 2]
     assert height.max() > 0.28
     assert height[-1] < 0.15
-    upright = outcome.truth[np.abs(height - height.max()) < 0.02]
+    # not while it plants its feet and sits down, which is faster than its weight
+    before = outcome.truth["time_ns"] <= outcome.report["walking_end_ns"]
+    upright = outcome.truth[before & (np.abs(height - height.max()) < 0.02)]
     assert upright["contact"].all(axis=1).mean() > 0.95
 
 
@@ -55,7 +63,7 @@ def test_a_robot_that_is_knocked_over_has_fallen(standing: Path) -> None:
 
     loaded = load_bundle(standing)
     pilot = FlagPilot(loaded.table.commands, seconds=10.0)
-    outcome = lockstep.walk(emulator, loaded, pilot, kick)
+    outcome = lockstep.walk(emulator, loaded, pilot, kick, settings=PATIENT)
     figures = summary(outcome, "trot", A1)
     assert figures["fault"].startswith("tilted")
     assert figures["falls"] == 1

@@ -33,6 +33,7 @@ def walk(fault: str | None = None, walked: bool = True) -> Outcome:
         "off_spec_contact": 0.1,
         "fault": fault,
         "warnings": [],
+        "stuck_walks": 0,
         "tick_us": None,
         "wake_us": None,
         "rss_mb": None,
@@ -73,6 +74,13 @@ def test_errors_follow_a_command_that_changes() -> None:
             row["vx"] = -0.1
     # 4 of 9 judged seconds at 0.1 m/s off, 5 at 0.5 m/s
     assert summary(outcome, "trot", A1)["vx_error"] == pytest.approx((0.4 + 2.5) / 9, rel=0.01)
+
+
+def test_a_walk_that_ended_by_itself_is_stuck() -> None:
+    outcome = walk()
+    assert not summary(outcome, "trot", A1)["stuck"]
+    outcome.report["stuck_walks"] = 1
+    assert summary(outcome, "trot", A1)["stuck"]
 
 
 @pytest.mark.parametrize("fault", [None, "tilted while it sat down"])

@@ -23,7 +23,7 @@ from rmll_onboard.bundle import Bundle, load_bundle
 from rmll_onboard.daemon import Daemon
 from rmll_onboard.link import UdpLink
 from rmll_onboard.pilot import FlagPilot, Pilot, RemotePilot
-from rmll_onboard.settings import Motion, Safety
+from rmll_onboard.settings import Motion, Safety, Steering
 from rmll_onboard.supervisor import Mode
 from rmll_robots import A1
 
@@ -51,7 +51,9 @@ class Ending:
 
 def walk(bundle: Bundle, row: Row) -> Outcome:
     commands = bundle.table.commands
-    pilot = RemotePilot(commands, 9) if row.remote else FlagPilot(commands, 0.4)
+    pilot = (
+        RemotePilot(commands, 9, Steering().deadband) if row.remote else FlagPilot(commands, 0.4)
+    )
     emulator = Emulator(plan=parse_plan(list(row.plan), A1))
     settings = onboard.Settings(motion=Motion(**MOTION), safety=Safety(**row.settings))
     return lockstep.walk(

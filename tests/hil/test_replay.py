@@ -26,12 +26,15 @@ from rmll_onboard.daemon import Daemon
 from rmll_onboard.flight_log import FlightLog
 from rmll_onboard.mcap_file import log_file
 from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.settings import Link, Motion, Settings
+from rmll_onboard.settings import Link, Motion, Safety, Settings
 from rmll_onboard.tick import Tick, Witness
 from rmll_robots import A1
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
-BRISK = Settings(motion=Motion(crouch=0.1, rise=0.3, settle=0.1, slow_down=0.2, sit=0.2))
+BRISK = Settings(
+    motion=Motion(crouch=0.1, rise=0.3, settle=0.1, slow_down=0.2, sit=0.2),
+    safety=Safety(stuck=100),  # a policy that stands makes no transitions
+)
 
 
 @pytest.fixture(scope="module")

@@ -41,6 +41,12 @@ def run(*flags: object, cwd: Path) -> tuple[int, str, str]:
     return process.returncode, stdout, stderr
 
 
+def patient(folder: Path) -> tuple[object, ...]:
+    """Flags for a policy that stands, and so makes no transitions."""
+    (folder / "patient.yaml").write_text("safety: {stuck: 100}")
+    return "--settings", "patient.yaml"
+
+
 def wait_for_children(process: subprocess.Popen[str]) -> list[int]:
     """The emulator and the daemon, in this order."""
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
@@ -56,8 +62,8 @@ def wait_for_children(process: subprocess.Popen[str]) -> list[int]:
 
 
 def test_real_time_over_udp(standing: Path, tmp_path: Path) -> None:
-    # shorter than the ten c_f after which a policy that makes no transition has to stand
     flags = ("--policy", standing, "--seconds", 0.7, "--vx", 0, "--json", "--out", "here")
+    flags += patient(tmp_path)
     code, stdout, stderr = run(*flags, cwd=tmp_path)
     assert code == 0, stderr
     figures = json.loads(stdout)
@@ -86,6 +92,7 @@ def test_real_time_over_udp(standing: Path, tmp_path: Path) -> None:
 
 def test_lockstep_prints_the_same_twice_and_keeps_old_runs(standing: Path, tmp_path: Path) -> None:
     flags = ("--policy", standing, "--seconds", 1, "--vx", 0, "--lockstep", "--json", "--seed", 3)
+    flags += patient(tmp_path)
     (_, first, stderr), (_, again, _) = (run(*flags, cwd=tmp_path) for _ in range(2))
     figures, same = json.loads(first), json.loads(again)
     # the one figure of the machine
@@ -95,9 +102,21 @@ def test_lockstep_prints_the_same_twice_and_keeps_old_runs(standing: Path, tmp_p
     assert len(list((tmp_path / "hil-runs").glob("trot-*/summary.json"))) == 2
 
 
+def test_a_walk_that_gets_stuck_is_no_success(standing: Path, tmp_path: Path) -> None:
+    flags = ("--policy", standing, "--seconds", 2, "--vx", 0, "--frequency", 6, "--lockstep")
+    code, stdout, stderr = run(*flags, "--out", "here", cwd=tmp_path)
+    assert code == 1
+    assert "the gait was stuck" in stdout
+    assert "the robot stopped walking by itself: the gait was stuck" in stderr.splitlines()[-1]
+    summary = json.loads((tmp_path / "here" / "summary.json").read_text())
+    assert (summary["stuck"], summary["fault"], summary["falls"]) == (True, None, 0)
+    assert 0.2 < summary["seconds"] < 0.4  # 2 times c_f of 20 ms
+
+
 def test_a_fault_plan_is_carried_out(standing: Path, tmp_path: Path) -> None:
     (tmp_path / "plan.yaml").write_text("- {fault: frozen, at: 4}")
     flags = ("--seconds", 2, "--vx", 0, "--lockstep", "--faults", "plan.yaml", "--json")
+    flags += patient(tmp_path)
     code, stdout, stderr = run("--policy", standing, *flags, cwd=tmp_path)
     assert code == 1
     assert json.loads(stdout)["fault"].startswith("no state from the robot for 55 ms")

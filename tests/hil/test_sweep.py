@@ -7,9 +7,10 @@ import pytest
 from rmll_hil import lockstep, sweep
 from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.outcome import column
+from rmll_onboard import settings as onboard
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.settings import Steering
+from rmll_onboard.settings import Safety, Steering
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 
@@ -44,7 +45,9 @@ def test_a_walk_that_ends_early_has_figures_of_what_it_reached(standing: Path) -
 
     values = (12.0, 6.0, 12.0)
     pilot = FlagPilot(bundle.table.commands, frequency=values, seconds=3.0)
-    outcome = lockstep.walk(emulator, bundle, pilot, kick)
+    # a policy that stands makes no transitions
+    patient = onboard.Settings(safety=Safety(stuck=100))
+    outcome = lockstep.walk(emulator, bundle, pilot, kick, settings=patient)
     assert outcome.report["fault"]
     found = sweep.phases(outcome, bundle.table, values, 3.0)
     assert [phase["frequency"] for phase in found] == [12.0, 6.0]

@@ -1,6 +1,8 @@
 """The whole runtime, datagram in and datagram out, on a robot without physics."""
 
+import math
 import socket
+import struct
 
 import msgspec
 import numpy as np
@@ -12,7 +14,7 @@ from rmll_gaits.load import load_gait
 from rmll_onboard import a1_wire, remote
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.command_socket import SocketPilot
-from rmll_onboard.daemon import Daemon, _Halt
+from rmll_onboard.daemon import Daemon
 from rmll_onboard.pilot import FlagPilot, Orders, RemotePilot
 from rmll_onboard.remote import Button, Remote
 from rmll_onboard.settings import Steering
@@ -63,7 +65,7 @@ def by_flags(bundle, brisk, robot):
 
 @pytest.fixture
 def by_remote(bundle, brisk, robot):
-    pilot = RemotePilot(bundle.table.commands, 9)
+    pilot = RemotePilot(bundle.table.commands, 9, brisk.steering.deadband)
     return Lockstep(Daemon(bundle, brisk, pilot), robot)
 
 
@@ -139,6 +141,49 @@ def test_l2_and_b_stop_for_good(by_remote, robot, walking):
     robot.state.remote = remote.encode(Remote(Button.START))
     by_remote.run(1)
     assert robot.damped
+
+
+def bad_stick(robot, value):
+    robot.state.remote = bytes(4) + struct.pack("<f", value) + bytes(32)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_stick_that_is_no_number_is_a_bad_packet_and_damps(by_remote, robot, value):
+    robot.state.remote = remote.encode(Remote(Button.START | Button.A, ly=0.5))
+    by_remote.until_walking()
+    bad_stick(robot, value)
+    by_remote.run(0.1)
+    daemon = by_remote.daemon
+    assert daemon.fault.startswith("no state from the robot")
+    assert "not finite" in daemon.fault
+    assert daemon.report()["refused"]["not finite"] > 10
+    assert robot.damped
+
+
+def test_a_robot_whose_remote_is_no_number_from_the_start_is_not_believed(by_remote, robot):
+    bad_stick(robot, math.nan)
+    by_remote.run(0.5)
+    assert by_remote.daemon.intake.received == 0
+    assert by_remote.daemon.intake.refused["not finite"] > 50
+    assert robot.damped
+
+
+def test_a_stick_that_strays_at_rest_does_not_creep(by_remote, robot):
+    robot.state.remote = remote.encode(Remote(Button.START | Button.A, ly=0.03, rx=-0.03))
+    by_remote.until_walking()
+    robot.state.remote = remote.encode(Remote(ly=0.03, rx=-0.03))
+    by_remote.run(0.5)
+    assert by_remote.daemon.controller.command[:2].tolist() == [0, 0]
+    assert by_remote.daemon.mode is Mode.WALKING
+
+
+@pytest.mark.parametrize("rest", [remote.encode(Remote(ly=-0.0, lx=0.03)), bytes(39) + b"\x07"])
+def test_a_resting_remote_is_not_lost(by_remote, robot, rest):
+    robot.state.remote = remote.encode(Remote(Button.START | Button.A, ly=0.5))
+    by_remote.until_walking()
+    robot.state.remote = rest
+    by_remote.run(25)
+    assert (by_remote.daemon.mode, by_remote.daemon.report()["warnings"]) == (Mode.WALKING, [])
 
 
 def test_stopping_sits_down_and_finishes(by_flags, robot):
@@ -222,24 +267,6 @@ def test_a_program_that_falls_silent_leaves_a_standing_robot(bundle, brisk, robo
     assert report["fault"] is None
     assert any("no message" in warning for warning in report["warnings"])
     pilot.close()
-
-
-def test_a_halt_forgets_the_command_and_a_called_off_one_remembers_it():
-    halt = _Halt(seconds=1.0)
-    walk = Orders(None, WALK)
-
-    def at(seconds, request, mode=Mode.WALKING):
-        return halt.ease(int(seconds * 1e9), mode, walk._replace(request=request))
-
-    assert at(0.0, None) == walk
-    assert at(0.1, Request.STAND) == Orders(None, (0.0, 0.0, WALK[2]))
-    assert at(0.2, None) == Orders(None, (0.0, 0.0, WALK[2]))  # a button need not be held
-    assert at(0.3, Request.WALK).command == WALK
-    assert at(0.4, Request.SIT).request is None
-    assert at(1.3, None).request is None
-    assert at(1.4, None) == Orders(Request.SIT, (0.0, 0.0, WALK[2]))
-    assert at(1.5, Request.SIT, Mode.SITTING_DOWN).request is Request.SIT
-    assert not halt.under_way
 
 
 def test_nothing_moves_before_the_robot_was_heard(by_flags, robot):

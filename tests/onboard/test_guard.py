@@ -11,8 +11,6 @@ from rmll_onboard.attitude import projected_gravity
 from rmll_onboard.gait_monitor import GaitMonitor
 from rmll_onboard.guard import ActionGuard, Guard, Seen
 from rmll_onboard.intake import Intake
-from rmll_onboard.presence import Presence
-from rmll_onboard.remote import Button, Remote, encode
 from rmll_onboard.settings import Link, Safety
 from rmll_robots import A1
 
@@ -290,34 +288,3 @@ def test_a_gait_is_stuck_far_beyond_its_longest_dwell(bundle):
     monitor = GaitMonitor(bundle.table, factor=10)
     assert not monitor.stuck(phi=90, frequency=9)
     assert monitor.stuck(phi=91, frequency=9)
-
-
-class TestPresence:
-    """Of the wireless remote."""
-
-    @pytest.fixture
-    def presence(self):
-        return Presence(Safety(remote_lost_ms=500, remote_still=20))
-
-    def lost(self, presence, seconds, data):
-        return presence.lost(int(seconds * 1e9), data)
-
-    def test_all_zero_after_a_head_was_there(self, presence):
-        there = b"\x55\x51" + encode(Remote())[2:]
-        assert not self.lost(presence, 0, there)
-        assert not self.lost(presence, 100, there)  # nobody touches it
-        assert not self.lost(presence, 101, bytes(40))
-        assert not self.lost(presence, 101.4, bytes(40))
-        assert self.lost(presence, 101.6, bytes(40))
-        assert not self.lost(presence, 102, there)
-
-    def test_without_a_head_a_released_remote_is_none_that_is_lost(self, presence):
-        assert not self.lost(presence, 0, encode(Remote(Button.A)))
-        assert not self.lost(presence, 100, bytes(40))
-
-    def test_a_stick_that_stands_still_for_too_long(self, presence):
-        held = encode(Remote(ly=0.7))
-        assert not self.lost(presence, 0, held)
-        assert not self.lost(presence, 19, held)
-        assert self.lost(presence, 21, held)
-        assert not self.lost(presence, 22, encode(Remote(ly=0.71)))

@@ -197,6 +197,7 @@ def test_check_tells_what_is_in_the_bundle(start):
     contents = json.loads(out)
     assert contents["gait"] == "trot"
     assert contents["trace_steps"] == 40
+    assert contents["deadband"] == 0.08  # of the settings, for whoever leads by sticks
 
 
 def test_check_shows_how_a_shipped_policy_came_to_be_on_one_screen(start):

@@ -12,7 +12,7 @@ RANGES = Commands(vx=(-1.0, 1.0), wz=(-1.0, 1.0), frequency=(6.0, 12.0))
 
 
 def test_up_and_down_change_c_f_once_a_push_and_within_what_was_trained():
-    pilot = RemotePilot(RANGES, 7.0)
+    pilot = RemotePilot(RANGES, 7.0, 0.08)
 
     def push(button: Button) -> float:
         held = [pilot.orders(0, Mode.WALKING, Remote(button)).command[2] for _ in range(3)]
@@ -23,6 +23,17 @@ def test_up_and_down_change_c_f_once_a_push_and_within_what_was_trained():
     assert [push(Button.UP) for _ in range(3)] == [6.0, 6.0, 6.0]
     assert [push(Button.DOWN) for _ in range(7)] == [7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 12.0]
     assert push(Button.UP | Button.DOWN) == 12.0
+
+
+def test_sticks_count_from_the_deadband_to_the_end():
+    def vx_and_wz(ly: float, rx: float):
+        pilot = RemotePilot(Commands((-0.5, 1.0), (-1.0, 1.0), (6.0, 12.0)), 7.0, 0.1)
+        return pilot.orders(0, Mode.WALKING, Remote(ly=ly, rx=rx)).command[:2]
+
+    assert vx_and_wz(0.1, -0.1) == (0, 0)
+    assert vx_and_wz(1.0, -1.0) == (1.0, 1.0)
+    assert vx_and_wz(-1.0, 1.0) == (-0.5, -1.0)
+    assert vx_and_wz(0.55, 0.55) == pytest.approx((0.5, -0.5))
 
 
 def test_several_values_of_c_f_share_the_seconds():

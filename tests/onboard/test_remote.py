@@ -1,5 +1,6 @@
 """The wireless remote's forty bytes."""
 
+import math
 import struct
 
 import pytest
@@ -30,10 +31,43 @@ def test_round_trip(pressed):
 
 @pytest.mark.fuzz
 @given(st.binary(min_size=40, max_size=40))
-def test_any_bytes_give_sticks_within_their_range(data):
+def test_any_bytes_give_sticks_within_their_range_or_are_refused(data):
+    sticks = [struct.unpack_from("<f", data, offset)[0] for offset in (4, 8, 12, 20)]
+    if not all(map(math.isfinite, sticks)):
+        with pytest.raises(ValueError, match="a stick of the remote is"):
+            remote.decode(data)
+        return
     pressed = remote.decode(data)
     for stick in (pressed.lx, pressed.ly, pressed.rx, pressed.ry, pressed.forward, pressed.turn):
         assert -1 <= stick <= 1
+
+
+@given(st.integers(0, 15), st.sampled_from([math.nan, math.inf, -math.inf]))
+def test_what_is_not_used_may_be_anything(place, value):
+    data = bytearray(remote.encode(Remote(ly=0.5)))
+    struct.pack_into("<f", data, 16, value)
+    data[24 + place] = 0xFF
+    assert remote.decode(bytes(data)) == Remote(ly=0.5)
+
+
+@given(st.floats(-1, 1), st.floats(0, 0.5))
+def test_beyond_the_deadband_a_stick_still_reaches_everything(stick, deadband):
+    way = remote.past(stick, deadband)
+    assert abs(way) <= abs(stick)
+    assert (way != 0) <= (abs(stick) > deadband)
+    assert remote.past(-stick, deadband) == -way
+    assert remote.past(stick / 2, deadband) <= way or stick < 0
+    assert (remote.past(1.0, deadband), remote.past(-1.0, deadband)) == (1.0, -1.0)
+    # no jump at its edge
+    assert remote.past(deadband + 1e-6, deadband) == pytest.approx(0, abs=1e-5)
+
+
+@given(st.floats(0, 0.5), sticks)
+def test_held_is_a_button_or_a_stick_beyond_the_deadband(deadband, stick):
+    for name in ("lx", "ly", "rx", "ry"):
+        assert Remote(**{name: stick}).held(deadband) == (abs(stick) > deadband)
+    assert Remote(Button.F1).held(deadband)
+    assert not Remote(lx=-0.0, ly=-0.0).held(0.0)
 
 
 def test_fields_lie_where_the_sdk_puts_them():

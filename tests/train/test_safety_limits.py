@@ -53,4 +53,4 @@ def test_wild_actions_and_a_stuck_gait_are_told() -> None:
         watched.observe(wild)
     action, stuck = watched.touched()
     assert action == "an action was 2.5 times its range, limit 2, in 1 of 4 walks"
-    assert stuck == "no transition came for 11 times c_f, limit 10, in 1 of 4 walks"
+    assert stuck == "no transition came for 11 times c_f, limit 2, in 1 of 4 walks"

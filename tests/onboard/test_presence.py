@@ -1,0 +1,90 @@
+"""Is the wireless remote there? Lost is one that does what a resting one cannot."""
+
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rmll_onboard.presence import Presence
+from rmll_onboard.remote import Button, Remote, encode
+from rmll_onboard.settings import Safety
+
+DEADBAND = 0.08
+HEAD = b"\x55\x51"
+NOTHING = bytes(40)
+
+
+def with_head(pressed: Remote) -> bytes:
+    return HEAD + encode(pressed)[2:]
+
+
+@pytest.fixture
+def lost():
+    presence = Presence(Safety(remote_lost_ms=500, remote_still=20), DEADBAND)
+    return lambda seconds, data: presence.lost(int(seconds * 1e9), data)
+
+
+@pytest.mark.parametrize("there", [with_head(Remote()), bytes(39) + b"\x07"])
+def test_all_zero_although_bytes_that_no_hand_moves_were_not(lost, there):
+    assert not lost(0, there)
+    assert not lost(100, there)  # nobody touches it
+    assert not lost(101, NOTHING)
+    assert not lost(101.4, NOTHING)
+    assert lost(101.6, NOTHING)
+    assert lost(9000, NOTHING)
+    assert not lost(9001, there)
+
+
+def test_a_remote_that_rests_at_zero_is_not_lost_after_it_was_used(lost):
+    assert not lost(0, encode(Remote(Button.A | Button.L2, ly=0.5)))
+    assert not lost(1, NOTHING)
+    assert not lost(9000, NOTHING)
+
+
+@pytest.mark.parametrize("held", [Remote(ly=0.7), Remote(rx=-0.09), Remote(Button.A)])
+def test_held_without_a_tremble_for_too_long(lost, held):
+    assert not lost(0, encode(held))
+    assert not lost(19, encode(held))
+    assert lost(21, encode(held))
+    assert not lost(22, encode(Remote(ly=0.71)))
+
+
+def test_a_hand_trembles(lost):
+    assert not any(lost(second, encode(Remote(ly=0.7 + second % 2 * 1e-3))) for second in range(99))
+
+
+stray = st.floats(-0.0625, 0.0625, width=32)
+marks = st.binary(min_size=2, max_size=2), st.binary(min_size=16, max_size=16)
+presses = st.lists(
+    st.builds(Remote, buttons=st.integers(0, 0xFFFF).map(Button), ly=st.floats(-1, 1, width=32))
+)
+
+
+@pytest.mark.fuzz
+@given(*marks, st.tuples(stray, stray, stray, stray, stray), presses)
+def test_a_resting_remote_is_never_lost(head, unused, sticks, pressed):
+    """Whatever its head, its unused bytes and its sticks are, and whatever was pressed before."""
+    presence = Presence(Safety(), DEADBAND)
+    rest = head + struct.pack("<H5f", 0, *sticks) + unused
+    now = 0
+    for held in pressed:
+        # all but the head and the unused bytes are the hand's
+        now += 100_000_000
+        assert not presence.lost(now, head + encode(held)[2:24] + unused)
+    for _ in range(20):
+        now += 3_600_000_000_000
+        assert not presence.lost(now, rest)
+    assert not presence.lost(now, encode(Remote()) if not any(head + unused) else rest)
+
+
+@pytest.mark.fuzz
+@given(*marks, presses)
+def test_all_forty_bytes_zero_are_lost_where_a_resting_remote_shows_more(head, unused, pressed):
+    presence = Presence(Safety(remote_lost_ms=500), DEADBAND)
+    now = 0
+    for held in [Remote(), *pressed]:
+        now += 100_000_000
+        presence.lost(now, head + encode(held)[2:24] + unused)
+    presence.lost(now + 1, NOTHING)
+    assert presence.lost(now + 600_000_000, NOTHING) == any(head + unused)
