@@ -93,6 +93,7 @@ class Emulator:
         """``plan`` is for a wire that speaks like an A1, as the default one does."""
         settings = settings or Settings()
         settings.check()
+        self._robot = robot
         self.world: World = load(robot, settings.friction, _field(settings))
         self.wire = wire or A1Robot()
         delay_ms, timeout_ms = settings.action_delay_ms, settings.command_timeout_ms
@@ -114,6 +115,13 @@ class Emulator:
         self.to_robot = Way(plan, "to_robot", chance)
         """For whoever brings datagrams here; :meth:`receive` itself is the far end"""
         self.from_robot = Way(plan, "from_robot", chance)
+
+    def follow(self, plan: Plan) -> None:
+        """Have another plan from now on; its times are of the robot's clock."""
+        self._sabotage = Sabotage(plan, self.world, self.board, self._robot)
+        self.world.data.xfrc_applied[:] = 0.0  # a push that the plan before has not ended
+        self.to_robot.follow(plan)
+        self.from_robot.follow(plan)
 
     @property
     def accepted(self) -> int:

@@ -6,7 +6,8 @@ from enum import StrEnum
 from typing import Any
 
 BEGIN = 2.0
-"""[s] of the robot's clock when a fault begins; the robot walks then"""
+"""[s] of the plan's clock when the fault begins. It is the robot's clock until shortly before,
+and then waits until the robot has walked for a second"""
 
 
 class Reaction(StrEnum):
@@ -16,6 +17,7 @@ class Reaction(StrEnum):
     WALKS = "walks on"
     BRAKES = "the board brakes"
     NEVER_WALKED = "did not walk before"
+    NOT_JUDGED = "the machine was too busy"
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,11 @@ class Row:
     """The wireless remote leads, instead of flags"""
     answer: float | None = None
     """What a broken policy says from the fault on; None: the policy is in order"""
+
+    @property
+    def is_about_time(self) -> bool:
+        """The fault is that the daemon itself is late."""
+        return any(name == "SIGSTOP" for _, name in self.signals)
 
 
 def _fault(name: str, **values: Any) -> dict[str, Any]:
