@@ -1,7 +1,7 @@
 """A loop that does nothing but wait, measured beside something that has to keep time.
 
 It sleeps and watches the clock as the daemon does, in a process of its own. How late it was is the
-machine's doing: a program beside it cannot have been blamed for as much.
+machine's doing: a program beside it is not to blame for as much.
 """
 
 import signal
@@ -21,6 +21,10 @@ class EmptyLoop:
 
     late_ms = 0.0
     """[ms] The latest that it woke up"""
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
 
     def __enter__(self) -> "EmptyLoop":
         command = [sys.executable, "-m", __name__]

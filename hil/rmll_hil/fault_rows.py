@@ -64,10 +64,10 @@ _SET_OFF = (_fault("wrong_gyro", rate=[1e3, 0, 0]),)
 """What a broken policy waits for"""
 _HELD_UP = tuple(
     (0.04 * count + after, name)
-    for count in range(5)
-    for after, name in ((0.0, "SIGSTOP"), (0.035, "SIGCONT"))
+    for count in range(10)
+    for after, name in ((0.0, "SIGSTOP"), (0.025, "SIGCONT"))
 )
-"""Each time shorter than the board waits for a command"""
+"""Each time only half as long as the board waits for a command"""
 _DAMPS, _WALKS, _SITS = Reaction.DAMPS, Reaction.WALKS, Reaction.SITS
 
 ROWS = (
@@ -108,7 +108,7 @@ ROWS = (
         (_fault("wrong_gyro", rate=[1e4, 0, 0]),)),
     Row("nan_action", "a policy that answers NaN", _DAMPS, "no finite number",
         _SET_OFF, answer=math.nan),
-    Row("late_daemon", "the daemon held up for 35 ms, five times", _DAMPS, "deadlines missed",
+    Row("late_daemon", "the daemon held up for 25 ms, again and again", _DAMPS, "deadlines missed",
         signals=_HELD_UP),
     Row("stuck_gait", "a policy that stops walking", Reaction.STANDS, "gait was stuck",
         _SET_OFF, answer=0.0),

@@ -78,15 +78,36 @@ def provoke_once(row: Row, seed: int, policy: Path, robot: Robot, realtime: bool
         return Result(row, *run(row, Trial(row, robot, seed), policy))
 
 
-def markdown(results: Sequence[Result], policy: Path) -> str:
+def markdown(results: Sequence[Sequence[Result]], policy: Path, realtime: bool) -> str:
     """The table as a page of the documentation."""
+    times = len(results[0])
     lines = [
-        f"| {result.row.what} | {_plain(result.milliseconds)} | {result.reaction} "
-        f"| {result.told or '-'} | `{result.row.name}` |"
-        for result in results
+        f"| {row.what} | {span(many)} | {many[0].reaction} | {score(many)} "
+        f"| {told(many) or '-'} | `{row.name}` |"
+        for many in results
+        for row in [many[0].row]
     ]
-    return PAGE.format(policy=policy, test=TEST, rows="\n".join(lines))
+    return PAGE.format(
+        policy=policy,
+        test=TEST,
+        rows="\n".join(lines),
+        clock="in real time and over UDP" if realtime else "in virtual time",
+        repeated=f", {times} times with other noise of the sensors" if times > 1 else "",
+        flags=" --realtime" * realtime + f" --times {times}" * (times > 1),
+    )
 
 
-def _plain(milliseconds: int | None) -> str:
-    return "-" if milliseconds is None else str(milliseconds)
+def score(many: Sequence[Result]) -> str:
+    """How many of the times were as expected: 5/5."""
+    return f"{sum(result.as_expected for result in many)}/{len(many)}"
+
+
+def span(many: Sequence[Result]) -> str:
+    """Of the milliseconds, the least and the most."""
+    found = sorted({r.milliseconds for r in many if r.milliseconds is not None})
+    return "-" if not found else "-".join(map(str, dict.fromkeys((found[0], found[-1]))))
+
+
+def told(many: Sequence[Result]) -> str:
+    """The daemon's words: the first that were not as expected, else the first."""
+    return next((result for result in many if not result.as_expected), many[0]).told

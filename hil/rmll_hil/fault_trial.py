@@ -23,7 +23,7 @@ WALKED_MS = 1000
 """The fault begins when the robot has walked for so long"""
 STANDS_UP_MS = 8000
 """Time for it to begin to walk"""
-WATCHED_MS = 4000
+WATCHED_MS = 3000
 """How long a fault is given to show an effect; a stuck gait, the slowest, takes two seconds"""
 SETTLED_MS = 500
 """A reaction that came stays for so long"""
@@ -123,6 +123,4 @@ def _before(plan: Plan) -> Plan:
 
 def _later(plan: Plan, seconds: float) -> Plan:
     """The same that much later, to the millisecond."""
-    return tuple(
-        msgspec.structs.replace(fault, at=round(fault.at + seconds, 3)) for fault in plan
-    )
+    return tuple(msgspec.structs.replace(fault, at=round(fault.at + seconds, 3)) for fault in plan)

@@ -66,7 +66,13 @@ def listen(host: str, port: int) -> socket.socket:
     return sock
 
 
-def serve(emulator: Emulator, sock: socket.socket, reply: Reply, stop: Ending) -> float:
+def serve(
+    emulator: Emulator,
+    sock: socket.socket,
+    reply: Reply,
+    stop: Ending,
+    largest_lag_ns: int = LARGEST_LAG_NS,
+) -> float:
     """Run until ``stop``; returns the robot's time over the wall's, from the first command on.
 
     Nothing is sent and no time passes before a first command; states then go to whoever sent
@@ -87,7 +93,7 @@ def serve(emulator: Emulator, sock: socket.socket, reply: Reply, stop: Ending) -
             with suppress(OSError):  # a network that is down: a loss
                 sock.sendto(datagram, peer)
         emulator.advance(PERIOD_MS, deadline)
-        if time.monotonic_ns() - deadline > LARGEST_LAG_NS:
+        if time.monotonic_ns() - deadline > largest_lag_ns:
             deadline = time.monotonic_ns()
     return emulator.now_ms * 1e6 / max(time.monotonic_ns() - started, 1)
 

@@ -12,7 +12,7 @@ from rmll_hil.emulator import Emulator
 from rmll_hil.serve import PERIOD_MS, PERIOD_NS
 from rmll_onboard.supervisor import NS
 
-LOOK_NS = 1000
+LOOK_NS = 10_000
 """[ns] that pass when the loop looks at the clock: waiting for a moment has an end"""
 
 
