@@ -188,7 +188,6 @@ def test_the_figures_are_those_of_the_table_beside_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not TROT.exists(), reason="policies/trot.onnx is not there")
 def test_the_shipped_trot_walks_over_udp(tmp_path: Path) -> None:
     code, stdout, stderr = run(
         "--policy", TROT, "--seconds", 8, "--vx", 0.5, "--json", cwd=tmp_path
