@@ -6,7 +6,6 @@ docs/testing.md.
 """
 
 import argparse
-import os
 import shutil
 import subprocess
 import sys
@@ -53,11 +52,8 @@ markers = ["fuzz: what comes from outside"]
 
 
 def mutmut(folder: Path, *words: str) -> str:
-    done = subprocess.run(
-        [shutil.which("mutmut", path=f"{Path(sys.executable).parent}:{os.environ['PATH']}") or "mutmut", *words],
-        cwd=folder, stdout=subprocess.PIPE, text=True, check=True,
-    )  # fmt: skip
-    return done.stdout
+    command = [sys.executable, "-c", "from mutmut.__main__ import cli; cli()", *words]
+    return subprocess.run(command, cwd=folder, stdout=subprocess.PIPE, text=True, check=True).stdout
 
 
 def main() -> None:

@@ -102,6 +102,12 @@ def test_rising_starts_softly_from_the_measured_pose():
     assert gains[-1] == A1.stand_kp
 
 
+def test_all_the_strength_is_there_once_the_legs_are_folded():
+    bench = Bench(A1.stand_pose)
+    bench.run(MOTION.crouch + 2 / 200, Request.STAND)
+    assert bench.command.kp[0] == A1.stand_kp
+
+
 def test_a_walk_can_end_in_standing_and_go_on():
     bench = Bench().walk()
     assert bench.tick(Request.STAND) is Mode.STANDING
@@ -149,7 +155,7 @@ def test_targets_that_are_no_numbers_are_not_sent(bad):
     bench.target[5] = bad
     bench.tick()
     assert bench.damped
-    assert "targets are not finite" in bench.supervisor.fault
+    assert bench.supervisor.fault == "the policy's joint targets are not finite"
 
 
 def test_a_damped_robot_may_be_complained_of_but_not_lifted():
