@@ -4,7 +4,7 @@ VENV := .venv
 PIP := $(VENV)/bin/pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO := hil-runs/demo-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: demo test fuzz golden bench bench-train time-to-gait lint typecheck setup clean
+.PHONY: demo test fuzz mutation golden bench bench-train time-to-gait lint typecheck setup clean
 
 # What the emulator and the daemon need; no torch.
 demo: $(VENV)/.hil
@@ -16,6 +16,11 @@ test: setup
 # Everything that reads packets, files or messages, with hostile input for some minutes.
 fuzz: setup
 	HYPOTHESIS_PROFILE=fuzz $(VENV)/bin/pytest -m fuzz
+
+# Does a test notice when the safety code is changed? Minutes; what may survive: docs/testing.md.
+mutation: setup
+	$(PIP) mutmut==3.8.1
+	$(VENV)/bin/python tests/mutation/run.py
 
 # Timings; run them on an idle machine.
 bench-train: setup
@@ -53,4 +58,4 @@ $(VENV)/.dev: pyproject.toml constraints.txt
 	touch $@ $(VENV)/.hil
 
 clean:
-	rm -rf $(VENV) hil-runs
+	rm -rf $(VENV) hil-runs mutation

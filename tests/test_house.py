@@ -34,7 +34,9 @@ HEAVY = {"torch", "mujoco", "onnx", "matplotlib", "rsl_rl", "tensorboard", "safe
 
 
 def sources(package: str) -> list[Path]:
-    return sorted((ROOT / PACKAGES[package] / package).rglob("*.py"))
+    found = sorted((ROOT / PACKAGES[package] / package).rglob("*.py"))
+    assert found, package
+    return found
 
 
 def imports(path: Path) -> set[str]:

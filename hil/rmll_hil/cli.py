@@ -156,26 +156,33 @@ def replay_command(
 def faults_command(
     policy: Path = Path("trot"),
     only: tuple[str, ...] = (),
+    realtime: bool = False,
+    times: int = 1,
     jobs: int = 1,
     out: Path | None = None,
     json: bool = False,
 ) -> None:
     """Provoke faults while a policy walks, and see that the daemon does what it should.
 
-    Daemon and emulator talk UDP in real time; a fault takes about four seconds.
+    The daemon's own loop runs in virtual time, so that nothing depends on how busy the machine
+    is: a fault takes about a second of a processor. With --realtime it is a process of its own
+    that talks UDP, and a fault takes about five seconds.
 
     Example: rmll-hil faults --policy trot --only silent_board killed
 
     Args:
         policy: The bundle that walks, a file or the name of a shipped one.
         only: Names of faults; all by default.
-        jobs: How many at a time; more than one blurs the times.
+        realtime: Over UDP and in real time. An empty loop is measured beside each fault; if even
+            that was late, a wrong reaction is told as a machine that is too busy.
+        times: How often each fault is provoked, with other noise of the sensors each time.
+        jobs: How many at a time; in real time more than one needs as many idle processors.
         out: Write the table to this Markdown file, or to faults.md in this folder.
-        json: Print the table as one JSON object.
+        json: Print the table as one JSON object, a list of results for each fault.
     """
     from rmll_hil.fault_command import faults
 
-    faults(policy, only, jobs, out, json)
+    faults(policy, only, realtime, times, jobs, out, json)
 
 
 def main() -> None:

@@ -9,8 +9,8 @@ from rich.table import Table
 from rmll_contract.flag import within
 from rmll_contract.output import output_file
 from rmll_gaits.errors import Failure, InputError
-from rmll_hil.fault_rows import ROWS, Row
-from rmll_hil.fault_table import Result, markdown, provoke
+from rmll_hil.fault_rows import ROWS, Reaction, Row
+from rmll_hil.fault_table import Result, markdown, provoke, score, span, told
 from rmll_onboard.bundle import load_bundle
 from rmll_onboard.controller import prove
 from rmll_onboard.shipped import find_policy
@@ -18,26 +18,53 @@ from rmll_view.console import bar, console
 
 
 def faults(
-    policy: Path, only: tuple[str, ...], jobs: int, out: Path | None, print_json: bool
+    policy: Path,
+    only: tuple[str, ...],
+    realtime: bool,
+    times: int,
+    jobs: int,
+    out: Path | None,
+    print_json: bool,
 ) -> None:
-    """Arguments as the command's. Raises Failure, after all is printed, for a wrong reaction."""
+    """Arguments as the command's.
+
+    Raises Failure, after all is printed, for a wrong reaction, and for one that cannot be judged
+    as the machine was too busy.
+    """
     rows = _chosen(only)
     out = out and output_file("--out", out, "faults.md")
     within("jobs", jobs, 1, 16)
+    within("times", times, 1, 1000)
     policy = find_policy(policy)
     bundle = load_bundle(policy)
     prove(bundle)
     with bar(MofNCompleteColumn()) as progress:
-        found = provoke(rows, policy, jobs, bundle.robot)
+        found = provoke(rows, policy, jobs, bundle.robot, realtime, times)
         results = list(progress.track(found, total=len(rows), description="faults"))
     if out:
-        out.write_text(markdown(results, policy))
+        out.write_text(markdown(results, policy, realtime))
     if print_json:
-        print(json.dumps({result.row.name: _entries(result) for result in results}))
+        print(json.dumps({many[0].row.name: list(map(_entries, many)) for many in results}))
     else:
         _show(results)
-    if wrong := [result.row.name for result in results if not result.as_expected]:
-        raise Failure(f"not as expected: {', '.join(wrong)}")
+    _judge(results)
+
+
+def _judge(results: list[list[Result]]) -> None:
+    wrong, not_judged = list[str](), list[str]()
+    for many in results:
+        bad = {result.reaction for result in many if not result.as_expected}
+        if bad == {Reaction.NOT_JUDGED}:
+            not_judged.append(many[0].row.name)
+        elif bad:
+            wrong.append(many[0].row.name)
+    complaints = []
+    if wrong:
+        complaints.append(f"not as expected: {', '.join(wrong)}")
+    if not_judged:
+        complaints.append(f"not judged, as the machine was too busy: {', '.join(not_judged)}")
+    if complaints:
+        raise Failure("; ".join(complaints))
 
 
 def _chosen(only: tuple[str, ...]) -> list[Row]:
@@ -57,12 +84,12 @@ def _entries(result: Result) -> dict[str, object]:
     }
 
 
-def _show(results: list[Result]) -> None:
-    table = Table("fault", "ms", "reaction", "the daemon's words", box=None)
-    for result in results:
-        style = None if result.as_expected else "red"
-        milliseconds = "-" if result.milliseconds is None else str(result.milliseconds)
+def _show(results: list[list[Result]]) -> None:
+    table = Table("fault", "ms", "reaction", "as it should", "the daemon's words", box=None)
+    for many in results:
+        style = None if all(result.as_expected for result in many) else "red"
+        reaction = ", ".join(dict.fromkeys(result.reaction for result in many))
         table.add_row(
-            result.row.name, milliseconds, result.reaction, result.told or "-", style=style
+            many[0].row.name, span(many), reaction, score(many), told(many) or "-", style=style
         )
     console().print(table)

@@ -53,8 +53,8 @@ class Fault(
 
     def active(self, now_ms: int) -> bool:
         """Whether it is there at ``now_ms`` of the robot's clock."""
-        end = math.inf if self.seconds is None else self.at + self.seconds
-        return self.at * 1000 <= now_ms < end * 1000
+        end = math.inf if self.seconds is None else round((self.at + self.seconds) * 1000)
+        return round(self.at * 1000) <= now_ms < end
 
 
 class Network(Fault, frozen=True):

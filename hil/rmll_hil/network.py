@@ -17,16 +17,21 @@ class Way:
     """One direction. Datagrams go in and, if they do, come out later; times in ms."""
 
     def __init__(self, plan: Plan, direction: str, rng: np.random.Generator) -> None:
-        self._faults = [
-            fault
-            for fault in plan
-            if isinstance(fault, faults.Network) and fault.direction in ("both", direction)
-        ]
         self.sent = 0
         """Datagrams that went in"""
+        self._direction = direction
+        self.follow(plan)
         self._rng = rng
         self._order = count()
         self._under_way: list[tuple[float, int, bytes, Any]] = []
+
+    def follow(self, plan: Plan) -> None:
+        """Have another plan's faults from now on; what is under way stays so."""
+        self._faults = [
+            fault
+            for fault in plan
+            if isinstance(fault, faults.Network) and fault.direction in ("both", self._direction)
+        ]
 
     def send(self, datagram: bytes, now_ms: int, sender: Any = None) -> None:
         """Put a datagram on its way; ``sender`` comes out with it."""

@@ -7,7 +7,7 @@ import socket
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -24,6 +24,13 @@ PERIOD_NS = PERIOD_MS * 1_000_000
 LARGEST_LAG_NS = 100_000_000
 """Lateness up to which missed time is caught up; beyond it the robot's time stood still"""
 LARGEST_DATAGRAM = 2048
+
+
+class Ending(Protocol):
+    """Looked at in every period."""
+
+    @property
+    def wanted(self) -> bool: ...
 
 
 class Stop:
@@ -59,7 +66,13 @@ def listen(host: str, port: int) -> socket.socket:
     return sock
 
 
-def serve(emulator: Emulator, sock: socket.socket, reply: Reply, stop: Stop) -> float:
+def serve(
+    emulator: Emulator,
+    sock: socket.socket,
+    reply: Reply,
+    stop: Ending,
+    largest_lag_ns: int = LARGEST_LAG_NS,
+) -> float:
     """Run until ``stop``; returns the robot's time over the wall's, from the first command on.
 
     Nothing is sent and no time passes before a first command; states then go to whoever sent
@@ -80,7 +93,7 @@ def serve(emulator: Emulator, sock: socket.socket, reply: Reply, stop: Stop) -> 
             with suppress(OSError):  # a network that is down: a loss
                 sock.sendto(datagram, peer)
         emulator.advance(PERIOD_MS, deadline)
-        if time.monotonic_ns() - deadline > LARGEST_LAG_NS:
+        if time.monotonic_ns() - deadline > largest_lag_ns:
             deadline = time.monotonic_ns()
     return emulator.now_ms * 1e6 / max(time.monotonic_ns() - started, 1)
 

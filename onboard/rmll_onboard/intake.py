@@ -100,7 +100,7 @@ class Intake:
         if len(datagrams) < 2:
             return datagrams
         # stable, so that among equals the one that came last is first
-        return sorted(datagrams, key=self._ahead, reverse=True)
+        return sorted(datagrams, key=self._ahead)[::-1]
 
     def _ahead(self, datagram: bytes) -> int:
         """Ticks after the newest state, negative before it; the tick is 32 bits and wraps."""

@@ -5,7 +5,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Protocol
 
 from rmll_gaits.errors import Failure
 from rmll_onboard.daemon import Daemon
@@ -20,8 +20,16 @@ from rmll_onboard.understudy import Understudy
 _STOP_SIGNALS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 
 
+class Clock(Protocol):
+    """What passes time: the module :mod:`time`, or a simulation."""
+
+    def monotonic_ns(self) -> int: ...
+
+    def sleep(self, seconds: float, /) -> None: ...
+
+
 class Loop:
-    """Runs a daemon on a link in real time and measures how well time was kept."""
+    """Runs a daemon on a link, a tick each period, and measures how well time was kept."""
 
     def __init__(
         self,
@@ -31,10 +39,12 @@ class Loop:
         keep: Callable[[Tick], None] | None = None,
         service: Service | None = None,
         understudy: Understudy | None = None,
+        clock: Clock = time,
     ) -> None:
         """``keep`` is given every tick once its command is sent; it must neither wait nor raise.
 
         ``service`` is told that we are alive. ``understudy`` rehearses, as ``pace`` says.
+        ``clock`` is real time unless a simulation has its own.
         """
         self.stopped_by: signal.Signals | None = None
         """The signal that ended the run, None if nothing was left to do"""
@@ -46,6 +56,7 @@ class Loop:
         self._witness = None if keep is None else Witness(daemon, keep)
         self._service = service or Service({})
         self._timing = Timing()
+        self._clock = clock
         self._signals = 0
         self._sent = 0
 
@@ -77,18 +88,19 @@ class Loop:
 
     def _run(self, startup_timeout: float) -> None:
         daemon, link, timing, period = self._daemon, self._link, self._timing, self._daemon.period
-        deadline = time.monotonic_ns()
+        monotonic_ns = self._clock.monotonic_ns
+        deadline = monotonic_ns()
         give_up = deadline + startup_timeout * NS
         while not daemon.finished and self._signals < 2:
             deadline += period
-            timing.slack.add(deadline - time.monotonic_ns())
+            timing.slack.add(deadline - monotonic_ns())
             datagrams = self._wait(deadline)
-            now = time.monotonic_ns()
+            now = monotonic_ns()
             datagrams += link.receive()
             answer = daemon.tick(now, datagrams)
             link.send(answer)
             # the robot waits for nothing that comes from here on
-            sent = time.monotonic_ns()
+            sent = monotonic_ns()
             (timing.tick if daemon.policy_ran else timing.plain_tick).add(sent - now)
             timing.wake.add(now - deadline)
             # after a stall go on with the next deadline of the grid, do not hurry to catch up
@@ -107,21 +119,25 @@ class Loop:
 
         Returns the datagrams that a rehearsal was given; the tick itself is still to see them.
         """
+        monotonic_ns = self._clock.monotonic_ns
         early: list[bytes] = []
         if self._understudy is not None and self._daemon.policy_next:
-            _sleep_until(deadline - self._early - self._rehearsal)
+            self._sleep_until(deadline - self._early - self._rehearsal)
             early = self._link.receive()
-            began = time.monotonic_ns()
+            began = monotonic_ns()
             self._understudy.rehearse(began, early)
-            done = time.monotonic_ns()
+            done = monotonic_ns()
             # once more if there is time: what has been seen twice is foreseen by the processor
             if done + (done - began) < deadline:
                 self._understudy.rehearse(done, early)
         else:
-            _sleep_until(deadline - self._early)
-        while time.monotonic_ns() < deadline:
+            self._sleep_until(deadline - self._early)
+        while monotonic_ns() < deadline:
             pass
         return early
+
+    def _sleep_until(self, moment: int) -> None:
+        self._clock.sleep(max(0, moment - self._clock.monotonic_ns()) / NS)
 
     def _look_around(self, now: int, datagrams: list[bytes], answer: bytes) -> None:
         """All that is not between the robot's state and its command."""
@@ -139,7 +155,7 @@ class Loop:
         for _ in range(int(self._daemon.intake.farewell * NS / self._daemon.period)):
             self._link.send(frame)
             self._sent += 1
-            time.sleep(self._daemon.period / NS)
+            self._clock.sleep(self._daemon.period / NS)
 
     @contextmanager
     def _handling_signals(self) -> Iterator[None]:
@@ -153,10 +169,6 @@ class Loop:
     def _on_signal(self, number: int, frame: object) -> None:
         self.stopped_by = self.stopped_by or signal.Signals(number)
         self._signals += 1
-
-
-def _sleep_until(moment: int) -> None:
-    time.sleep(max(0, moment - time.monotonic_ns()) / NS)
 
 
 @contextmanager

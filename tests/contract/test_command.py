@@ -19,7 +19,7 @@ MODULES = {
 def command(name: str, *words: str) -> subprocess.CompletedProcess[str]:
     start = f"from {MODULES[name]} import main; main()"
     words = (sys.executable, "-c", start, *words)
-    return subprocess.run(words, capture_output=True, text=True, timeout=60)
+    return subprocess.run(words, capture_output=True, text=True, timeout=240)
 
 
 @pytest.mark.parametrize("name", MODULES)

@@ -15,6 +15,7 @@ from rmll_export.bundle import export
 from rmll_export.card import MEASURED, card
 from rmll_export.checkpoint import read
 from rmll_gaits.errors import Failure, InputError
+from rmll_gaits.load import library_names
 
 SHIPPED = Path(__file__).parents[2] / "policies"
 
@@ -32,6 +33,10 @@ def rewrite(path: Path, change) -> None:
     header = {contracts.KEY: contracts.encode(read(path).contract)}
     change(tensors)
     save_file(tensors, path, metadata=header)
+
+
+def test_every_gait_of_the_library_is_shipped() -> None:
+    assert {path.stem for path in SHIPPED.glob("*.onnx")} == set(library_names())
 
 
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.onnx")), ids=lambda path: path.stem)

@@ -1,5 +1,7 @@
 """A bundle whose policy always answers zero: the robot stands in its default pose."""
 
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import msgspec
@@ -13,6 +15,7 @@ from rmll_contract import observation
 from rmll_contract.contract import Labels, Trace
 from rmll_contract.onnx_file import graph_sha256
 from rmll_gaits.load import load_gait
+from rmll_hil.empty_loop import EmptyLoop
 from rmll_robots import A1
 
 
@@ -69,3 +72,29 @@ def standing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("bundle") / "standing.onnx"
     path.write_bytes(model.SerializeToString())
     return path
+
+
+BUSY_MS = 5.0
+"""[ms] A control period; on a machine with a core to spare an empty loop is late by less"""
+
+
+@contextmanager
+def _kept_time() -> Iterator[None]:
+    failed = None
+    with EmptyLoop() as beside:
+        try:
+            yield
+        except AssertionError as error:
+            failed = error
+    if failed is not None and beside.late_ms < BUSY_MS:
+        raise failed
+
+
+@pytest.fixture
+def kept_time() -> Callable[[], AbstractContextManager[None]]:
+    """A block whose assertions hold on a machine that has time for it.
+
+    An empty loop is measured beside it: that a walk in real time went wrong says something about
+    the walk only if that kept time.
+    """
+    return _kept_time

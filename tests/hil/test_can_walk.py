@@ -27,8 +27,6 @@ from rmll_robots import A1
 ROOT = Path(__file__).parents[2]
 TROT = ROOT / "policies" / "trot.onnx"
 
-pytestmark = pytest.mark.skipif(not TROT.exists(), reason="policies/trot.onnx is not there")
-
 
 def virtual(can: Can) -> Can:
     """The same robot, its buses inside of this process."""

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rmll_gaits.errors import Failure, InputError
+from rmll_hil import emulator as emulator_module
 from rmll_hil.emulator import TRUTH_MS, Emulator, Settings
 from rmll_hil.sensors import QUIET
 from rmll_onboard.a1_wire import (
@@ -144,3 +145,18 @@ def test_diverging_physics_is_a_failure(tmp_path: Path, monkeypatch: pytest.Monk
     emulator.world.data.qvel[0] = np.nan
     with pytest.raises(Failure, match="the physics diverged after 5 ms"):
         emulator.advance(TRUTH_MS, 0)
+
+
+def test_the_second_robot_lies_as_the_first_one_did(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It begins with a copy of the first one's rest."""
+    monkeypatch.setattr(emulator_module, "_AT_REST", {})
+    first, second = Emulator(), Emulator()
+    other = Emulator(Settings(friction=0.3))
+    assert len(emulator_module._AT_REST) == 2
+    for _ in range(100):
+        assert first.state_datagram() == second.state_datagram()
+        for emulator in (first, second, other):
+            emulator.receive(hold(A1.stand_pose))
+            emulator.advance(5, 0)
+    assert first.state_datagram() != other.state_datagram()
+    np.testing.assert_array_equal(first.truth(), second.truth())

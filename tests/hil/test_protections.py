@@ -1,6 +1,6 @@
-"""Every protection, provoked in the emulator through the daemon's own code, in lockstep.
+"""A bad network and hostile datagrams, through the daemon's own code, in lockstep.
 
-The same faults over UDP and in real time: ``test_fault_table.py``.
+Each protection by itself: ``test_fault_table.py``.
 """
 
 import socket
@@ -11,79 +11,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rmll_hil import broken_policy, lockstep, metrics
+from rmll_hil import lockstep, metrics
 from rmll_hil.emulator import Emulator, Settings
-from rmll_hil.fault_rows import BEGIN, ROWS, Reaction, Row
-from rmll_hil.fault_table import MOTION
+from rmll_hil.fault_trial import MOTION
 from rmll_hil.faults import parse_plan
-from rmll_hil.outcome import Outcome
 from rmll_onboard import a1_wire
 from rmll_onboard import settings as onboard
 from rmll_onboard.bundle import Bundle, load_bundle
 from rmll_onboard.daemon import Daemon
 from rmll_onboard.link import UdpLink
-from rmll_onboard.pilot import FlagPilot, Pilot, RemotePilot
-from rmll_onboard.settings import Motion, Safety, Steering
-from rmll_onboard.supervisor import Mode
+from rmll_onboard.pilot import FlagPilot
+from rmll_onboard.settings import Motion
 from rmll_robots import A1
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
-BEGIN_NS = int(BEGIN * 1e9)
 
 
 @pytest.fixture(scope="module")
 def trot() -> Bundle:
     return load_bundle(TROT)
-
-
-class Ending:
-    """A pilot whose program ends some time after the fault."""
-
-    def __init__(self, pilot: Pilot, emulator: Emulator) -> None:
-        self._pilot, self._emulator = pilot, emulator
-
-    def __getattr__(self, name: str) -> object:
-        return getattr(self._pilot, name)
-
-    def finished(self, mode: Mode, fault: str | None) -> bool:
-        return self._emulator.now_ms > 5000 or self._pilot.finished(mode, fault)
-
-
-def walk(bundle: Bundle, row: Row) -> Outcome:
-    commands = bundle.table.commands
-    pilot = (
-        RemotePilot(commands, 9, Steering().deadband) if row.remote else FlagPilot(commands, 0.4)
-    )
-    emulator = Emulator(plan=parse_plan(list(row.plan), A1))
-    settings = onboard.Settings(motion=Motion(**MOTION), safety=Safety(**row.settings))
-    return lockstep.walk(
-        emulator, bundle, Ending(pilot, emulator), lambda _: None, settings=settings
-    )
-
-
-@pytest.mark.parametrize("row", [row for row in ROWS if not row.signals], ids=lambda row: row.name)
-def test_a_fault_has_its_reaction(row: Row, trot: Bundle, tmp_path: Path) -> None:
-    if row.answer is not None:
-        broken_policy.write(tmp_path / "broken.onnx", TROT, row.answer)
-        trot = load_bundle(tmp_path / "broken.onnx")
-    outcome = walk(trot, row)
-    before = {line["mode"] for line in outcome.log if BEGIN_NS - 5e8 < line["t_ns"] < BEGIN_NS}
-    assert before == {Mode.WALKING}
-    fault, warnings = outcome.report["fault"], outcome.report["warnings"]
-    assert row.words in (fault or "; ".join(warnings))
-    last = outcome.log[-1]["mode"]
-    match row.reaction:
-        case Reaction.DAMPS:
-            assert fault is not None
-            held_up = any(entry["fault"] == "other_commander" for entry in row.plan)
-            assert held_up or outcome.truth["position"][-1, 2] < 0.2  # it sank down
-        case Reaction.WALKS:
-            assert (fault, last) == (None, Mode.WALKING)
-        case Reaction.STANDS:
-            assert (fault, last) == (None, Mode.STANDING)
-        case Reaction.SITS:
-            assert (fault, last) == (None, Mode.DAMPING)
-            assert Mode.SITTING_DOWN in {line["mode"] for line in outcome.log}
 
 
 def steady(

@@ -15,7 +15,6 @@ from rmll_onboard.settings import Safety, Steering
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 
 
-@pytest.mark.skipif(not TROT.exists(), reason="policies/trot.onnx is not there")
 def test_the_trot_follows_c_f_from_12_to_6_and_back(tmp_path: Path) -> None:
     bundle = load_bundle(TROT)
     values, seconds = (12.0, 6.0, 12.0), 12.0

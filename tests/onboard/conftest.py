@@ -172,6 +172,25 @@ class KinematicRobot:
         return self.last is not None and not self.last.kp.any() and (self.last.kd > 0).all()
 
 
+class VirtualClock:
+    """Time that passes when the loop sleeps, and a little when it looks."""
+
+    def __init__(self) -> None:
+        self.now = 0
+
+    def monotonic_ns(self) -> int:
+        self.now += 10_000
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += round(seconds * 1e9)
+
+
+@pytest.fixture
+def clock() -> VirtualClock:
+    return VirtualClock()
+
+
 @pytest.fixture(scope="session")
 def bundle_path(tmp_path_factory) -> Path:
     return write_bundle(tmp_path_factory.mktemp("bundle") / "trot.onnx")

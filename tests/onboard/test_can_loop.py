@@ -1,4 +1,4 @@
-"""The daemon on CAN in real time: how it begins, and how it ends whatever happens."""
+"""The daemon on CAN: how it begins, and how it ends whatever happens."""
 
 import subprocess
 import sys
@@ -41,7 +41,7 @@ def orders(frames, layout) -> list[list[bytes]]:
 
 
 @pytest.mark.parametrize("crash", [False, True])
-def test_it_ends_in_damping_and_then_switches_the_actuators_off(bundle, settings, crash):
+def test_it_ends_in_damping_and_then_switches_the_actuators_off(bundle, settings, clock, crash):
     layout = Layout(settings.can, A1)
     daemon = Daemon(bundle, settings, FlagPilot(load_gait("trot").commands, seconds=1.0))
     if crash:
@@ -51,7 +51,7 @@ def test_it_ends_in_damping_and_then_switches_the_actuators_off(bundle, settings
             pytest.raises(TypeError if crash else Failure) as ended,
             closing(open_link(settings, A1)) as link,
         ):
-            Loop(daemon, link, settings.realtime).run(settings.link.startup_timeout)
+            Loop(daemon, link, settings.realtime, clock=clock).run(settings.link.startup_timeout)
         frames = []
         while datagrams := robot.receive():
             frames += unpack(datagrams[0])

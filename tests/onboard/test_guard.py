@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from rmll_onboard import a1_wire
 from rmll_onboard.a1_wire import MODE_SERVO, MotorCommand, RobotState
-from rmll_onboard.attitude import projected_gravity
+from rmll_onboard.attitude import projected_gravity, roll_pitch
 from rmll_onboard.gait_monitor import GaitMonitor
 from rmll_onboard.guard import ActionGuard, Guard, Seen
 from rmll_onboard.intake import Intake
@@ -255,6 +255,195 @@ def test_one_strange_torque_is_no_other_commander():
     bench.well()
 
 
+def no_more_than(value):
+    """The largest limit that ``value`` exceeds."""
+    return float(np.nextafter(value, -np.inf))
+
+
+def told(change, ticks=1, **safety):
+    """What a new bench says at the last of so many ticks with a change."""
+    bench = Bench(patience=0, **safety)
+    change(bench)
+    for _ in range(ticks - 1):
+        assert bench.tick() is None
+    return bench.tick()
+
+
+def test_a_limit_that_is_just_reached_is_kept():
+    """Each as it is in a packet, so that the numbers are the same to the last bit."""
+    bench = Bench(torque_error=100)
+    pitch_up(bench)
+    bench.tick()
+    pitch = abs(roll_pitch(projected_gravity(bench.intake.state.quaternion))[1])
+    assert told(pitch_up, pitch_limit=pitch) is None
+    assert told(pitch_up, pitch_limit=no_more_than(pitch)).startswith("tilted")
+
+    def roll_over(bench):
+        bench.state.quaternion[:] = [np.cos(0.55), np.sin(0.55), 0, 0]
+
+    bench = Bench()
+    roll_over(bench)
+    bench.tick()
+    roll = abs(roll_pitch(projected_gravity(bench.intake.state.quaternion))[0])
+    assert told(roll_over, roll_limit=roll) is None
+    assert told(roll_over, roll_limit=no_more_than(roll)).startswith("tilted")
+
+    def still_and_far(bench, walking):
+        near_joint(bench)
+        bench.joints_shiver[:] = 0
+        bench.walking = walking
+
+    bench = Bench()
+    still_and_far(bench, False)
+    bench.tick()
+    middle, reach = (A1.joint_upper + A1.joint_lower) / 2, (A1.joint_upper - A1.joint_lower) / 2
+    past = float((np.abs(bench.intake.state.q - middle) - reach)[FR_CALF])
+    far = lambda bench: still_and_far(bench, False)  # noqa: E731
+    near = lambda bench: still_and_far(bench, True)  # noqa: E731
+    assert told(far, joint_beyond=past) is None
+    assert told(far, joint_beyond=no_more_than(past)).endswith("0.07 rad past its limit")
+    assert told(near, joint_margin=-past) is None
+    assert told(near, joint_margin=-no_more_than(past)).endswith("its limit is -0.92 rad")
+
+
+def test_a_margin_is_kept_within_the_limit():
+    def close(bench):
+        bench.state.q[FR_CALF] = -0.95
+
+    assert told(close, joint_margin=0.02) is None
+    assert told(close, joint_margin=0.05).endswith("its limit is -0.92 rad")
+
+
+def test_speed_power_and_heat_that_are_just_reached():
+    def speed(bench, value):
+        bench.state.dq[FR_CALF] = value
+
+    assert told(lambda bench: speed(bench, 20), joint_speed=20) is None
+    assert told(lambda bench: speed(bench, 20.1), joint_speed=20) is not None
+    # the margin is judged with patience, what cannot be is not
+    assert Bench().tick() is None
+    for value, words in ((100, None), (100.1, "joint speeds that no joint can have")):
+        bench = Bench(power=5000, torque_error=100)
+        speed(bench, value)
+        assert bench.tick() == words
+
+    def power(bench):
+        bench.obedient = False
+        bench.state.dq[FR_CALF], bench.state.tau[FR_CALF] = 20, 10
+
+    assert told(power, power=200) is None
+    assert told(power, power=no_more_than(200)) == "the motors take 200 W"
+
+    def heat(bench, value):
+        bench.state.temperature[FR_CALF] = value
+
+    assert told(lambda bench: heat(bench, 57)) is None
+    assert told(lambda bench: heat(bench, 58)) == "FR_calf_joint is at 58 °C"
+
+
+def test_a_warm_motor_is_told_once():
+    bench = Bench()
+    bench.state.temperature[FR_CALF] = 49
+    bench.well(10)
+    assert bench.guard.warnings == []
+    bench.state.temperature[FR_CALF] = 50
+    bench.well(10)
+    assert bench.guard.warnings == ["FR_calf_joint reached 50 °C"]
+    bench.guard.warnings.clear()
+    bench.well(10)
+    assert bench.guard.warnings == []
+
+
+def test_warnings_are_kept_once_and_no_more_than_a_hundred():
+    guard = Bench().guard
+    for number in range(150):
+        guard.warn(str(number))
+        guard.warn("0")
+    assert guard.warnings == [str(number) for number in range(100)]
+
+
+def test_ages_are_exact():
+    """Ten nanoseconds past the limit."""
+    bench = Bench().well()
+    silence(bench)
+    assert bench.tick(period=50_000_000) is None
+    assert bench.tick(period=10) == "no state from the robot for 50 ms (refused: none)"
+    bench = Bench(stale_ms=1000)
+    values_freeze(bench)
+    bench.tick()
+    assert bench.tick(period=100_000_000) is None
+    bench = Bench(stale_ms=1000)
+    values_freeze(bench)
+    bench.tick()
+    assert bench.tick(period=100_000_010).endswith("have not changed for 100 ms")
+    bench = Bench(joint_still_ms=500 - 1e-4).well()
+    encoder_freeze(bench)
+    assert bench.ticks_until_complaint()[0] == 100
+    bench = Bench(obedience_ms=100 - 5e-5).well()
+    other_mode(bench)
+    assert bench.ticks_until_complaint()[0] == 20
+
+
+def test_what_was_refused_is_told():
+    bench = Bench().well()
+    bench.datagrams = lambda good: [good[:-1]]
+    bench.tick()
+    bench.datagrams = lambda good: [good[:200] + bytes(1) + good[201:-4] + bytes(4)]
+    _, complaint = bench.ticks_until_complaint()
+    assert complaint == "no state from the robot for 55 ms (refused: 1 length, 10 checksum)"
+
+
+def test_the_share_of_broken_ticks_is_averaged_over_a_hundred():
+    share, ticks = 0.0, 0
+    while share <= 0.5:
+        share += (1 - share) / 100
+        ticks += 1
+    bench = Bench(stale_ms=1000)
+    bench.datagrams = lambda good: [good[:-1]]
+    assert bench.ticks_until_complaint() == (ticks, "50% of the ticks bring broken datagrams only")
+    share = 0.0
+    for _ in range(10):
+        share += (1 - share) / 100
+    bench = Bench(stale_ms=1000, broken_share=share)
+    bench.datagrams = lambda good: [good[:-1]]
+    assert bench.ticks_until_complaint()[0] == 11
+
+
+def test_ticks_left_out_are_counted_one_by_one():
+    bench = Bench(stale_ms=1000)
+    bench.tick()
+    for _ in range(20):
+        assert bench.tick(period=2 * PERIOD) is None
+    assert bench.tick(period=2 * PERIOD) == "deadlines missed: 21 ticks late"
+    bench = Bench(stale_ms=1000)
+    bench.moving = False
+    bench.tick()
+    bench.moving = True
+    assert bench.tick(period=21 * PERIOD) is None
+    assert bench.tick(period=2 * PERIOD) == "deadlines missed: 21 ticks late"
+
+
+def test_patience_counts_from_the_first_tick_and_back_by_one():
+    bench = Bench()
+    quick_joint(bench)
+    assert bench.ticks_until_complaint()[0] == 6
+    bench = Bench()
+    quick_joint(bench)
+    bench.well(4)
+    bench.state.dq[:] = 0
+    bench.well(1)
+    quick_joint(bench)
+    assert bench.ticks_until_complaint()[0] == 3
+
+
+def test_what_was_measured_is_judged_once():
+    bench = Bench()
+    quick_joint(bench)
+    bench.well(5)
+    silence(bench)
+    bench.well(5)
+
+
 numbers = st.floats(width=32, allow_nan=False, allow_infinity=False)
 
 
@@ -274,7 +463,9 @@ def test_any_measurement_is_judged(q, dq):
 
 def test_the_policy_must_answer_within_its_range():
     guard = ActionGuard(clip=8.0, patience=2)
-    fine, wild = np.full(12, 15.9, np.float32), np.full(12, -16.1, np.float32)
+    fine, wild = np.full(12, 16, np.float32), np.full(12, -16.1, np.float32)
+    for action in (wild, wild):
+        assert guard.complaint(action) is None
     for action in (fine, wild, wild, fine, wild, wild):
         assert guard.complaint(action) is None
     assert guard.complaint(wild) == "the policy's action is 16.1, its range 8"

@@ -103,6 +103,65 @@ def test_a_robot_whose_clock_runs_and_whose_measurements_do_not(intake):
     assert intake.changed == 1100 * MS
 
 
+def test_what_is_lost_and_heard_is_counted():
+    intake = Intake(Link())
+    assert (intake.received, intake.lost, intake.rejected, intake.heard, intake.changed) == (0,) * 5
+    assert not intake.only_broken
+    assert not intake.take(5 * MS, [], resting=True)
+    assert (intake.lost, intake.only_broken) == (0, False)  # nothing can be lost yet
+    assert intake.take(10 * MS, [state(7)], resting=True)
+    assert (intake.heard, intake.changed, intake.lost) == (10 * MS, 10 * MS, 0)
+    for count in range(1, 4):
+        assert not intake.take((10 + count) * MS, [], resting=True)
+        assert (intake.lost, intake.only_broken) == (count, False)
+
+
+def test_late_and_repeated_datagrams_are_refused_but_not_rejected(intake):
+    broken = flipped(state(1002), 200)
+    for datagram in (state(1000), state(999), state(9000), broken, b""):
+        assert not intake.take(1001 * MS, [datagram], resting=False)
+    assert intake.rejected == 3
+    assert intake.refused.total() == 5
+
+
+@pytest.mark.parametrize("reason", ["repeated", "late", "ahead"])
+def test_a_broken_datagram_of_another_time_is_called_broken(intake, reason):
+    tick = {"repeated": 1000, "late": 900, "ahead": 90_000}[reason]
+    assert not intake.take(1001 * MS, [flipped(state(tick), 300)], resting=False)
+    assert intake.refused == {Reason.CRC: 1}
+    assert intake.only_broken
+
+
+def test_one_whole_datagram_is_enough_not_to_be_only_broken(intake):
+    for batch in ([b"", state(1000)], [state(1000), b""], [b"", state(1000), b""]):
+        assert not intake.take(1001 * MS, batch, resting=False)
+        assert not intake.only_broken
+
+
+@pytest.mark.parametrize(("ahead", "believed"), [(1005, True), (1006, False), (1, True)])
+def test_a_clock_may_be_a_second_ahead_of_ours(intake, ahead, believed):
+    """5 ms after the last one, to the millisecond."""
+    assert intake.take(1005 * MS, [state(1000 + ahead)], resting=False) is believed
+
+
+@pytest.mark.parametrize(("after", "believed"), [(200 * MS, False), (200 * MS + 1, True)])
+def test_a_board_may_start_again_after_a_fifth_of_a_second(intake, after, believed):
+    assert intake.take(1000 * MS + after, [state(5)], resting=True) is believed
+
+
+def test_of_equal_ticks_the_one_that_came_last_is_taken(intake):
+    batch = [state(1002, q=np.full(12, value)) for value in (0.1, 0.2)]
+    assert intake.take(1002 * MS, batch, resting=False)
+    assert intake.state.q[0] == pytest.approx(0.2)
+
+
+def test_of_the_first_datagrams_the_newest_is_not_known():
+    """Without a tick to start from, the one that came last."""
+    intake = Intake(Link())
+    assert intake.take(0, [state(50), state(40)], resting=True)
+    assert intake.state.tick == 40
+
+
 whole = st.integers(0, 2**32 - 1).map(state)
 broken = st.binary(max_size=900) | st.tuples(whole, st.integers(0, 763 * 8 + 7)).map(
     lambda pair: flipped(*pair)

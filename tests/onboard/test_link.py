@@ -13,7 +13,7 @@ from rmll_onboard.link import UdpLink
 def robot():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as board:
         board.bind(("127.0.0.1", 0))
-        board.settimeout(2)
+        board.settimeout(30)
         yield board
 
 

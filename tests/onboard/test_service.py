@@ -14,7 +14,7 @@ SECOND = 1_000_000_000
 def manager(request, tmp_path):
     """The manager's socket, and the address that it puts into the environment."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
-        listener.settimeout(1)
+        listener.settimeout(30)
         if request.param == "path":
             address = str(tmp_path / "notify")
             listener.bind(address)

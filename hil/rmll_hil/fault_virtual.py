@@ -1,0 +1,45 @@
+"""A row of the fault table in virtual time: one process, no waiting, and always the same."""
+
+from pathlib import Path
+
+from rmll_gaits.errors import Failure
+from rmll_hil.fault_rows import Reaction, Row
+from rmll_hil.fault_trial import MOTION, VX, Trial
+from rmll_hil.virtual_time import Killed, VirtualTime
+from rmll_onboard.bundle import load_bundle
+from rmll_onboard.daemon import Daemon
+from rmll_onboard.loop import Loop
+from rmll_onboard.pilot import FlagPilot, RemotePilot
+from rmll_onboard.settings import Motion, Safety, Settings
+from rmll_onboard.understudy import Understudy
+
+
+def run(row: Row, trial: Trial, policy: Path) -> tuple[Reaction, int | None, str]:
+    """The reaction, after how many milliseconds of the robot, and the daemon's words.
+
+    To be called from the main thread, the only one that hears signals.
+    """
+    bundle = load_bundle(policy)
+    settings = Settings(motion=Motion(**MOTION), safety=Safety(**row.settings))
+    commands = bundle.table.commands
+    pilot = (
+        RemotePilot(commands, commands.middle_frequency)
+        if row.remote
+        else FlagPilot(commands, vx=VX)
+    )
+    daemon = Daemon(bundle, settings, pilot)
+    clock = VirtualTime(trial, trial.signals)
+    understudy = Understudy(bundle, settings)
+    loop = Loop(daemon, clock, settings.realtime, understudy=understudy, clock=clock)
+    try:
+        loop.run(settings.link.startup_timeout)
+        told = daemon.fault or "; ".join(daemon.report()["warnings"])
+    except Killed:
+        told = ""
+    except Failure as failure:
+        told = str(failure)
+    clock.alive = False
+    while trial.begin_ms is not None and trial.found is None:
+        clock.sleep(daemon.period * 1e-9)
+    reaction, after_ms = trial.found or (Reaction.NEVER_WALKED, None)
+    return reaction, after_ms, told
