@@ -77,7 +77,7 @@ def run(row: Row, trial: Trial, policy: Path) -> tuple[Reaction, int | None, str
     # one that was killed, or that did not start, leaves no report
     report = json.loads(text) if text.strip() else {"fault": complaint, "warnings": []}
     told = (report["fault"] or "; ".join(report["warnings"])).strip()
-    reaction, after_ms = trial.found or (Reaction.NEVER_WALKED, None)
+    reaction, after_ms = trial.found or trial.reaction()
     return judged(row, (reaction, after_ms, told), beside.late_ms, watch.late_ms)
 
 

@@ -16,6 +16,7 @@ class Reaction(StrEnum):
     STANDS = "stands"
     WALKS = "walks on"
     BRAKES = "the board brakes"
+    REFUSES = "does not stand up"
     NEVER_WALKED = "did not walk before"
     NOT_JUDGED = "the machine was too busy"
 
@@ -62,6 +63,8 @@ _PRESSED = (
 """Stands up and walks by the remote; later nobody holds anything"""
 _SET_OFF = (_fault("wrong_gyro", rate=[1e3, 0, 0]),)
 """What a broken policy waits for"""
+_BELIEVED = {"orientation_error": 1000}
+"""Safety settings with which a gyroscope may say what it likes"""
 _HELD_UP = tuple(
     (0.04 * count + after, name)
     for count in range(10)
@@ -69,6 +72,16 @@ _HELD_UP = tuple(
 )
 """Each time only half as long as the board waits for a command"""
 _DAMPS, _WALKS, _SITS = Reaction.DAMPS, Reaction.WALKS, Reaction.SITS
+_IMU = ["orientation", "gyroscope", "accelerometer", "rpy"]
+
+
+def _sensors(fault: str, *names: str) -> tuple[dict[str, Any]]:
+    return (_fault(fault, sensors=list(names)),)
+
+
+def _from_the_start(name: str, **values: Any) -> tuple[dict[str, Any]]:
+    return ({"fault": name, "at": 0.0, **values},)
+
 
 ROWS = (
     Row("pushed_over", "a push of 300 N from the side, until it tips over", _DAMPS, "tilted",
@@ -104,14 +117,59 @@ ROWS = (
     Row("bad_network", "1 % lost, 1 % doubled, 1 % held back, up to 5 ms late", _WALKS, "",
         (_fault("network", loss=0.01, duplicates=0.01, reorder=0.01, jitter_ms=5),)),
     Row("dead_foot", "a foot sensor reads 0", _WALKS, "", (_fault("dead_foot", foot="FR"),)),
+    Row("dead_imu_lying", "an IMU that reads level and 0, before it stands up", Reaction.REFUSES,
+        "the accelerometer's mean is 0.00", _from_the_start("dead_imu")),
+    Row("swapped_quaternion_lying", "an orientation in the order x, y, z, w, from the start",
+        Reaction.REFUSES, "parts in another order?", _from_the_start("swapped_quaternion")),
+    Row("no_orientation_lying", "an orientation of 0, 0, 0, 0, from the start", Reaction.REFUSES,
+        "no orientation", _from_the_start("dead_sensor", sensors=["orientation"])),
+    Row("late_orientation", "the same for the first half second", _WALKS, "",
+        _from_the_start("dead_sensor", sensors=["orientation"], seconds=0.5)),
+    Row("dead_accelerometer_lying", "an accelerometer that reads 0, from the start",
+        Reaction.REFUSES, "the accelerometer's mean is 0.00",
+        _from_the_start("dead_sensor", sensors=["accelerometer"])),
+    Row("dead_rpy_lying", "roll, pitch and yaw of another orientation, from the start",
+        Reaction.REFUSES, "roll, pitch and yaw", _from_the_start("wrong_rpy", rpy=[0.3, 0, 0])),
+    Row("dead_speeds_rising", "joint speeds that read 0, from the start", Reaction.DAMPS,
+        "joint speeds", _from_the_start("dead_sensor", sensors=["joint_speeds"])),
+    Row("dead_imu", "an IMU that reads level and 0", _DAMPS, "the same values",
+        (_fault("dead_imu"),)),
+    Row("frozen_imu", "all of the IMU stands still, the joints do not", _DAMPS, "orientation",
+        _sensors("frozen_sensor", *_IMU)),
+    Row("frozen_orientation", "the orientation stands still", _DAMPS, "orientation",
+        _sensors("frozen_sensor", "orientation", "rpy")),
+    Row("frozen_gyroscope", "the gyroscope stands still", _DAMPS, "gyroscope",
+        _sensors("frozen_sensor", "gyroscope")),
+    Row("dead_gyroscope", "the gyroscope reads 0", _DAMPS, "gyroscope",
+        _sensors("dead_sensor", "gyroscope")),
+    Row("frozen_angles", "all joint angles stand still", _DAMPS, "angle",
+        _sensors("frozen_sensor", "joint_angles")),
+    Row("frozen_speeds", "all joint speeds stand still", _DAMPS, "speed",
+        _sensors("frozen_sensor", "joint_speeds")),
+    Row("dead_speeds", "all joint speeds read 0", _DAMPS, "speed",
+        _sensors("dead_sensor", "joint_speeds")),
+    Row("frozen_torques", "all joint torques stand still", _DAMPS, "torque",
+        _sensors("frozen_sensor", "joint_torques")),
+    Row("swapped_quaternion", "an orientation in the order x, y, z, w", _DAMPS, "orientation",
+        (_fault("swapped_quaternion"),)),
+    Row("frozen_accelerometer", "the accelerometer stands still", _WALKS, "accelerometer",
+        _sensors("frozen_sensor", "accelerometer")),
+    Row("dead_accelerometer", "the accelerometer reads 0", _WALKS, "accelerometer",
+        _sensors("dead_sensor", "accelerometer")),
+    Row("wrong_rpy", "roll, pitch and yaw of another orientation", _WALKS, "roll, pitch and yaw",
+        (_fault("wrong_rpy", rpy=[0.3, 0.0, 0.0]),)),
+    Row("noisy_feet", "foot sensors that read 18 to 29 whatever the load", _WALKS,
+        "foot sensor", (_fault("noisy_feet"),)),
+    Row("dead_feet", "all foot sensors read 0", _WALKS, "foot sensor",
+        _sensors("dead_sensor", "feet")),
     Row("wild_action", "a gyroscope 10,000 rad/s off: actions out of range", _DAMPS, "action is",
-        (_fault("wrong_gyro", rate=[1e4, 0, 0]),)),
+        (_fault("wrong_gyro", rate=[1e4, 0, 0]),), settings=_BELIEVED),
     Row("nan_action", "a policy that answers NaN", _DAMPS, "no finite number",
-        _SET_OFF, answer=math.nan),
+        _SET_OFF, settings=_BELIEVED, answer=math.nan),
     Row("late_daemon", "the daemon held up for 25 ms, again and again", _DAMPS, "deadlines missed",
         signals=_HELD_UP),
     Row("stuck_gait", "a policy that stops walking", Reaction.STANDS, "gait was stuck",
-        _SET_OFF, answer=0.0),
+        _SET_OFF, settings=_BELIEVED, answer=0.0),
     Row("other_commander", "somebody else sends a pose at 500 Hz", _DAMPS, "commander",
         (_fault("other_commander"),)),
     Row("braked_joint", "the board takes a motor out of service, mode 8", _DAMPS, "in mode 0x08",

@@ -59,7 +59,7 @@ class Trial(Emulator):
             self.follow(_later(self._plan, self.now_ms / 1000 - BEGIN))
             self._provoked = True
         if self.found is None and self._seen_enough():
-            self.found = self._reaction()
+            self.found = self.reaction()
 
     def signals(self) -> Iterator[signal.Signals]:
         """What the daemon is to be sent now: the row's, each at its time, and one to end."""
@@ -90,14 +90,15 @@ class Trial(Emulator):
             return self.now_ms > STANDS_UP_MS
         if self._signals:
             return False
-        _, after_ms = self._reaction()
+        _, after_ms = self.reaction()
         until = WATCHED_MS if after_ms is None else after_ms + SETTLED_MS
         return self.now_ms - self.begin_ms > until
 
-    def _reaction(self) -> tuple[Reaction, int | None]:
+    def reaction(self) -> tuple[Reaction, int | None]:
+        """What it was told so far to do instead of walking on, or of standing up, and when [ms]."""
         begin = self.begin_ms
         if begin is None:
-            return Reaction.NEVER_WALKED, None
+            return self._before_walking()
         before = [kind for at, kind in self._told if at < begin]
         after = [(at - begin, kind) for at, kind in self._told if at >= begin]
         if before[-1] is not Reaction.WALKS:
@@ -108,6 +109,15 @@ class Trial(Emulator):
         # sitting down begins in the pose of standing
         folds = first is Reaction.STANDS and any(kind is Reaction.SITS for _, kind in after)
         return (Reaction.SITS if folds else first), at
+
+    def _before_walking(self) -> tuple[Reaction, int | None]:
+        kinds = {kind for _, kind in self._told}
+        if any(fault.at >= BEGIN for fault in self._plan) or not kinds:
+            return Reaction.NEVER_WALKED, None
+        at, last = self._told[-1]
+        if kinds == {Reaction.DAMPS}:
+            return Reaction.REFUSES, None
+        return (Reaction.DAMPS, at) if last is Reaction.DAMPS else (Reaction.NEVER_WALKED, None)
 
 
 def _before(plan: Plan) -> Plan:

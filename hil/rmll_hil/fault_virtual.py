@@ -23,7 +23,7 @@ def run(row: Row, trial: Trial, policy: Path) -> tuple[Reaction, int | None, str
     settings = Settings(motion=Motion(**MOTION), safety=Safety(**row.settings))
     commands = bundle.table.commands
     pilot = (
-        RemotePilot(commands, commands.middle_frequency)
+        RemotePilot(commands, commands.middle_frequency, settings.steering.deadband)
         if row.remote
         else FlagPilot(commands, vx=VX)
     )
@@ -41,5 +41,5 @@ def run(row: Row, trial: Trial, policy: Path) -> tuple[Reaction, int | None, str
     clock.alive = False
     while trial.begin_ms is not None and trial.found is None:
         clock.sleep(daemon.period * 1e-9)
-    reaction, after_ms = trial.found or (Reaction.NEVER_WALKED, None)
+    reaction, after_ms = trial.found or trial.reaction()
     return reaction, after_ms, told

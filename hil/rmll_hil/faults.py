@@ -153,6 +153,13 @@ class DeadImu(Fault, frozen=True):
     """As after a power fault: the orientation of a level robot, and 0 for all else."""
 
 
+class WrongRpy(Fault, frozen=True):
+    """The board's own roll, pitch and yaw are off by so much."""
+
+    rpy: Vector
+    """[rad]"""
+
+
 class SwappedQuaternion(Fault, frozen=True):
     """The orientation's parts come in the order x, y, z, w; all else is in order."""
 
@@ -209,7 +216,8 @@ class RemoteLost(Fault, frozen=True):
 
 AnyFault = (
     Network | Frozen | StuckJoint | NanJoint | WrongJoint | HotJoint | BrakedJoint | FlippedImu
-    | WrongGyro | FrozenSensor | DeadSensor | DeadImu | SwappedQuaternion | NoisyFeet | DeadFoot
+    | WrongGyro | FrozenSensor | DeadSensor | DeadImu | WrongRpy | SwappedQuaternion
+    | NoisyFeet | DeadFoot
     | Push | Kick | OtherCommander | Remote | RemoteLost
 )  # fmt: skip
 Plan = tuple[AnyFault, ...]

@@ -93,6 +93,8 @@ class Sabotage:
                     for name in ("gyroscope", "accelerometer", "rpy"):
                         _sensor(state, name)[:] = 0
                     state.quaternion[:] = 1, 0, 0, 0
+                case faults.WrongRpy():
+                    state.rpy += fault.rpy
                 case faults.SwappedQuaternion():
                     state.quaternion[:] = state.quaternion[[1, 2, 3, 0]]
                 case faults.NoisyFeet():
