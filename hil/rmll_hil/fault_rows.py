@@ -63,8 +63,8 @@ _PRESSED = (
 """Stands up and walks by the remote; later nobody holds anything"""
 _SET_OFF = (_fault("wrong_gyro", rate=[1e3, 0, 0]),)
 """What a broken policy waits for"""
-_BELIEVED = {"orientation_error": 1000}
-"""Safety settings with which a gyroscope may say what it likes"""
+_BELIEVED = {"orientation_error": 1000, "speed_error": 1000}
+"""Safety settings with which sensors may contradict each other"""
 _HELD_UP = tuple(
     (0.04 * count + after, name)
     for count in range(10)
@@ -91,7 +91,8 @@ ROWS = (
     Row("small_kick", "the base 0.3 m/s faster sideways, at once", _WALKS, "",
         (_fault("kick", velocity=[0.0, 0.3]),)),
     Row("joint_near_limit", "a hip a little past its mechanical limit", _DAMPS, "limit",
-        (_joint("wrong_joint", "FR_hip_joint", q=-0.75),), settings={"torque_error": 100}),
+        (_joint("wrong_joint", "FR_hip_joint", q=-0.75),),
+        settings={"torque_error": 100, "speed_error": 1000}),
     Row("joint_past_limit", "a calf 1.5 rad from where it is, far past its limit", _DAMPS,
         "past its limit", (_joint("wrong_joint", q=1.5),)),
     Row("joint_speed", "a joint 30 rad/s faster than it is", _DAMPS, "turns at",
@@ -106,7 +107,7 @@ ROWS = (
     Row("frozen_state", "the same datagram again and again", _DAMPS, "no state",
         (_fault("frozen"),)),
     Row("frozen_values", "the same measurements with a clock that runs", _DAMPS, "not changed",
-        (_fault("frozen", clock_runs=True),)),
+        (_fault("frozen", clock_runs=True),), settings=_BELIEVED),
     Row("stuck_encoder", "one joint's angle and speed stand still", _DAMPS, "",
         (_joint("stuck_joint"),)),
     Row("nan_joint", "a joint's angle is no number", _DAMPS, "not finite", (_joint("nan_joint"),)),

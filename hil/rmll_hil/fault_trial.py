@@ -111,12 +111,13 @@ class Trial(Emulator):
         return (Reaction.SITS if folds else first), at
 
     def _before_walking(self) -> tuple[Reaction, int | None]:
-        kinds = {kind for _, kind in self._told}
-        if any(fault.at >= BEGIN for fault in self._plan) or not kinds:
+        # after its daemon has ended, the board brakes
+        told = [(at, kind) for at, kind in self._told if kind is not Reaction.BRAKES]
+        if any(fault.at >= BEGIN for fault in self._plan) or not told:
             return Reaction.NEVER_WALKED, None
-        at, last = self._told[-1]
-        if kinds == {Reaction.DAMPS}:
+        if all(kind is Reaction.DAMPS for _, kind in told):
             return Reaction.REFUSES, None
+        at, last = told[-1]
         return (Reaction.DAMPS, at) if last is Reaction.DAMPS else (Reaction.NEVER_WALKED, None)
 
 
