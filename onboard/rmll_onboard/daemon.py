@@ -47,7 +47,7 @@ class Daemon:
         self._joints = bundle.joints
         self._decimation = contract.control_hz // contract.policy_hz
         self._countdown = 0
-        self._feet = FootContact(settings.feet)
+        self._feet = FootContact(settings.feet, bundle.robot, self.intake.foot_sensors)
         walk_pose = np.empty(len(self._joints))
         walk_pose[self._joints] = contract.default_pose
         self._target = walk_pose.copy()
@@ -68,6 +68,8 @@ class Daemon:
         state, supervisor = self.intake.state, self._supervisor
         fresh = self.intake.take(now, datagrams, resting=supervisor.mode is Mode.DAMPING)
         gravity = projected_gravity(state.quaternion)
+        if fresh:
+            self._feet.measured(now, state.dq)
         pressed = remote.decode(state.remote)
         if pressed.emergency_stop:
             supervisor.trip("emergency stop on the remote")
@@ -91,7 +93,7 @@ class Daemon:
             if not self._halt.under_way:
                 self._walk.count(now, self.controller)
         elif self.due and self.intake.received:
-            self._feet.rest(mode, state.foot_force)
+            self._feet.rest(mode, state, gravity)
         command = supervisor.command(now, state, self._target)
         self._guard.obedience.sent(command)
         return self.intake.opening() or self._encode(command)
@@ -163,11 +165,12 @@ class Daemon:
         state, joints = self.intake.state, self._joints
         sensed = Sensed(state.q[joints], state.dq[joints], gravity, state.gyro)
         touching, clear = self._feet.step(
-            state.foot_force,
+            state,
+            gravity,
             self.controller.down,
             lambda: self.controller.foot_height(sensed, command),
         )
-        if complaint := self._feet.complaint:
+        for complaint in self._feet.complaints:
             self._guard.warn(complaint)
         self._target[joints] = self.controller.step(touching, clear, sensed, command)
         if complaint := self._action_guard.complaint(self.controller.raw_action):

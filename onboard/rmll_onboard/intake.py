@@ -28,6 +28,8 @@ class Intake:
     """What the wire itself knows to be wrong with the robot: on this one, nothing"""
     missing = ""
     """Who has not been heard yet, where several have to be"""
+    foot_sensors = True
+    """The states bring readings of foot sensors"""
     farewell = 0.5
     """[s] of damping datagrams at the end; the board then brakes by itself"""
 

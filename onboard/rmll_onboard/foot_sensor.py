@@ -1,0 +1,164 @@
+"""What one foot's raw readings mean, learnt from what the leg's torques say of the same load.
+
+Nobody has published the unit of an A1's foot sensors, each has a bias of its own, and both drift.
+So nothing is assumed: readings of the last seconds of walking are explained by
+
+    raw = gain * newtons + bias + drift * time
+
+in which the newtons are those of :mod:`rmll_onboard.leg_force`. Torques err by some ten newtons
+under load and hardly ever take a foot in the air for a loaded one, or the other way round for
+longer than two policy steps; a sensor that does is doubted. One object a foot, in plain numbers:
+NumPy takes longer for so few.
+"""
+
+KEEP = 0.99
+"""Of the past, each policy step: a time constant of 2 s, which is two strides of the slowest gait"""
+LEARNING = 75
+"""Policy steps of walking until the readings are believed: the slowest stride takes 66"""
+EXCITED = 0.25
+"""Of the usual load: the load's standard deviation below which a foot has not stepped"""
+FOLLOWS = 0.4
+"""Squared correlation of reading and load. Of a working sensor it is 0.7 or more, by the torques'
+own errors; of noise it is below 0.1"""
+LIFTED, LOADED = 0.1, 0.5
+"""Of the usual load: where torques leave no doubt"""
+WRONG_IN_AIR, WRONG_UNDER_LOAD = 0.15, 0.4
+"""Share of steps in which a reading may contradict the torques. Of working sensors 0.02 and 0.11
+do, for impacts shake the torques"""
+_IN_AIR_RATE, _UNDER_LOAD_RATE = 0.03, 0.05
+"""Of those averages: a reading that stops is doubted after 6 steps in the air or 10 under load"""
+GLITCH = 10.0
+"""Of the usual load: what a reading is cut to, for one wild one would spoil seconds"""
+RAIL = 32767
+_AT_REST = 0.1
+"""Of the readings of a standing robot: a time constant of ten policy steps"""
+
+
+class FootSensor:
+    """Fed once a policy step."""
+
+    def __init__(self, usual: float, pressed: float) -> None:
+        """``usual`` [N] is the foot's load in standing, above ``pressed`` [N] it is in contact."""
+        self.gain = self.bias = 0.0
+        """raw units a newton; raw units in the air, now"""
+        self.trusted = False
+        """:meth:`newtons` can be relied upon"""
+        self.doubt: str | None = None
+        """Why it is not, once that is known"""
+        self._usual, self._pressed = usual, pressed
+        self._moved = 0.0
+        self._rest: float | None = None
+        self._forget()
+
+    def newtons(self, raw: int) -> float:
+        """The load [N] behind a reading."""
+        return (raw - self.bias) / self.gain
+
+    def stand(self, raw: int, force: float) -> None:
+        """The robot stands, on legs that bear its weight: the bias may drift, the gain does not.
+
+        ``force`` [N] is by torque.
+        """
+        if self._weight:
+            off = raw - self.gain * max(force, 0.0) - self.bias
+            self._rest = off if self._rest is None else self._rest + _AT_REST * (off - self._rest)
+
+    def begin(self) -> None:
+        """A walk begins."""
+        if self._rest is not None:
+            # the readings so far mean what they would be from now on
+            self._moved += self._rest
+            self.bias += self._rest
+            self._rest = None
+
+    def walk(self, raw: int, force: float) -> None:
+        """A policy step of a walk; ``force`` [N] is by torque."""
+        force = max(force, 0.0)  # the ground does not pull: what is below is the swing's own
+        if self.trusted:
+            most = GLITCH * self._usual * self.gain
+            value = min(max(raw, self.bias - most), self.bias + most)
+        else:
+            value = float(raw)
+        self._low, self._high = min(self._low, raw), max(self._high, raw)
+        self._keep(value - self._moved, force)
+        self._age += 1
+        if self._age < LEARNING // 3:
+            return
+        follows = self._fit()
+        if follows > FOLLOWS:
+            self._compare(raw, force)
+        if self._age >= LEARNING:
+            self._judge(raw, force, follows)
+
+    def _forget(self) -> None:
+        self._age = 0
+        self._low, self._high = RAIL + 1, -RAIL - 2
+        # sums over the past, weighted by how long ago: of 1, time, its square, load (x), reading
+        # (y) and products; time is counted from now on, in policy steps
+        self._weight = self._t = self._tt = 0.0
+        self._x = self._y = self._xx = self._xy = self._yy = self._tx = self._ty = 0.0
+        self._in_air = self._under_load = 0.0
+        self._lifted = False
+
+    def _keep(self, y: float, x: float) -> None:
+        # a step later, all that was is one step further ago
+        self._tt = KEEP * (self._tt - 2 * self._t + self._weight)
+        self._t = KEEP * (self._t - self._weight)
+        self._tx = KEEP * (self._tx - self._x)
+        self._ty = KEEP * (self._ty - self._y)
+        self._weight = KEEP * self._weight + 1.0
+        self._x = KEEP * self._x + x
+        self._y = KEEP * self._y + y
+        self._xx = KEEP * self._xx + x * x
+        self._xy = KEEP * self._xy + x * y
+        self._yy = KEEP * self._yy + y * y
+
+    def _fit(self) -> float:
+        """Least squares for gain, bias and drift; returns the squared correlation, drift removed.
+
+        0 for a foot that has not stepped, or whose readings fall under load.
+        """
+        weight, t, tt = self._weight, self._t, self._tt
+        scale = weight * tt - t * t
+        # of load and reading: the value now and the slope of a line through the past
+        x, x_slope = (tt * self._x - t * self._tx) / scale, (weight * self._tx - t * self._x) / scale
+        y, y_slope = (tt * self._y - t * self._ty) / scale, (weight * self._ty - t * self._y) / scale
+        xx = self._xx - x * self._x - x_slope * self._tx
+        xy = self._xy - x * self._y - x_slope * self._ty
+        yy = self._yy - y * self._y - y_slope * self._ty
+        self._excited = xx > weight * (EXCITED * self._usual) ** 2
+        if not self._excited or xy <= 0.0 or yy <= 0.0:
+            return 0.0
+        self.gain = xy / xx
+        self.bias = y - self.gain * x + self._moved
+        return xy * xy / (xx * yy)
+
+    def _compare(self, raw: int, force: float) -> None:
+        """Count where reading and torques contradict each other."""
+        pressed = self.newtons(raw) > self._pressed
+        lifted, self._lifted = self._lifted, force < LIFTED * self._usual
+        if lifted and self._lifted:
+            self._in_air += _IN_AIR_RATE * (pressed - self._in_air)
+        elif force > LOADED * self._usual:
+            self._under_load += _UNDER_LOAD_RATE * (1 - pressed - self._under_load)
+
+    def _judge(self, raw: int, force: float, follows: float) -> None:
+        if not self._excited:
+            return
+        doubt = self._why(raw, force, follows)
+        if self.trusted and doubt:
+            # whatever has happened to the sensor, what was learnt before is of another one
+            self._forget()
+        self.trusted, self.doubt = doubt is None, doubt
+
+    def _why(self, raw: int, force: float, follows: float) -> str | None:
+        if follows <= FOLLOWS:
+            if self._low < self._high:
+                return f"reads {self._low} to {self._high} whatever the load"
+            state = "saturated, " if abs(raw) >= RAIL else ""
+            return f"{state}reads {raw} whatever the load"
+        if self._in_air > WRONG_IN_AIR:
+            return f"reads {raw} in the air, where at most {self.bias:.0f} ... is expected"
+        if self._under_load > WRONG_UNDER_LOAD:
+            return f"reads {raw} under {force:.0f} N"
+        return None
