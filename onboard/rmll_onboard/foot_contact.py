@@ -128,15 +128,13 @@ class FootContact:
             "doubts": self.doubts,
         }
 
-    def _loads(self, state: RobotState, gravity: Array) -> list[float]:
+    def _loads(self, state: RobotState, gravity: Array) -> Sequence[float]:
         """[N] on each foot, by the better source; the sensors learn from the other one."""
         self._feel(state, gravity)
-        loads = list(self._force)
-        for foot, sensor in enumerate(self.sensors):
-            sensor.walk(self._raw[foot], self._force[foot])
-            if sensor.trusted:
-                loads[foot] = sensor.newtons(self._raw[foot])
-        return loads
+        if not self.sensors:
+            return self._force
+        feet = zip(self.sensors, self._raw, self._force, strict=True)
+        return [sensor.walk(raw, force) for sensor, raw, force in feet]
 
     def _feel(self, state: RobotState, gravity: Array) -> None:
         self._force = self._legs.step(state.q, state.tau, gravity)

@@ -11,6 +11,8 @@ longer than two policy steps; a sensor that does is doubted. One object a foot, 
 NumPy takes longer for so few.
 """
 
+from math import sqrt
+
 KEEP = 0.99
 """Of the past, each policy step: a time constant of 2 s, which is two strides of the slowest gait"""
 LEARNING = 75
@@ -23,13 +25,22 @@ own errors; of noise it is below 0.1"""
 LIFTED, LOADED = 0.1, 0.5
 """Of the usual load: where torques leave no doubt"""
 WRONG_IN_AIR, WRONG_UNDER_LOAD = 0.15, 0.4
-"""Share of steps in which a reading may contradict the torques. Of working sensors 0.02 and 0.11
-do, for impacts shake the torques"""
+"""Share of steps in which a reading may contradict the torques; of working sensors 0.00 and 0.11"""
 _IN_AIR_RATE, _UNDER_LOAD_RATE = 0.03, 0.05
 """Of those averages: a reading that stops is doubted after 6 steps in the air or 10 under load"""
+QUIET, NOISY = 0.08, 0.1
+"""Of the usual load, a standard deviation in the air: as much noise as a sensor that is trusted may
+have at first, and later. A foot counts as pressed at twice that, and a pronk waits for four feet
+to be in the air at once"""
+STILL, AGAINST = 5, 3
+"""Policy steps with the same reading, and contradictions in a row meanwhile, that tell a dead sensor"""
 GLITCH = 10.0
-"""Of the usual load: what a reading is cut to, for one wild one would spoil seconds"""
+"""Of the usual load: a reading that far off is none, and the torques are believed in its place"""
 RAIL = 32767
+"""Of 16 bits"""
+_FIRST_LOOK = 25
+"""Policy steps until a line through the readings says anything"""
+_NOTHING = "whatever the load"
 _AT_REST = 0.1
 """Of the readings of a standing robot: a time constant of ten policy steps"""
 
@@ -42,17 +53,14 @@ class FootSensor:
         self.gain = self.bias = 0.0
         """raw units a newton; raw units in the air, now"""
         self.trusted = False
-        """:meth:`newtons` can be relied upon"""
+        """The readings are believed"""
         self.doubt: str | None = None
         """Why it is not, once that is known"""
         self._usual, self._pressed = usual, pressed
+        self._kind = ""
         self._moved = 0.0
         self._rest: float | None = None
         self._forget()
-
-    def newtons(self, raw: int) -> float:
-        """The load [N] behind a reading."""
-        return (raw - self.bias) / self.gain
 
     def stand(self, raw: int, force: float) -> None:
         """The robot stands, on legs that bear its weight: the bias may drift, the gain does not.
@@ -71,24 +79,31 @@ class FootSensor:
             self.bias += self._rest
             self._rest = None
 
-    def walk(self, raw: int, force: float) -> None:
-        """A policy step of a walk; ``force`` [N] is by torque."""
+    def walk(self, raw: int, force: float) -> float:
+        """A policy step of a walk; ``force`` [N] is by torque.
+
+        Returns the load [N] that is to be believed.
+        """
         force = max(force, 0.0)  # the ground does not pull: what is below is the swing's own
-        if self.trusted:
-            most = GLITCH * self._usual * self.gain
-            value = min(max(raw, self.bias - most), self.bias + most)
-        else:
-            value = float(raw)
-        self._low, self._high = min(self._low, raw), max(self._high, raw)
-        self._keep(value - self._moved, force)
-        self._age += 1
-        if self._age < LEARNING // 3:
-            return
-        follows = self._fit()
-        if follows > FOLLOWS:
-            self._compare(raw, force)
+        wild = self.trusted and abs(raw - self.bias) > GLITCH * self._usual * self.gain
+        self._still = self._still + 1 if raw == self._last else 0
+        self._wild = self._wild + 1 if wild else 0
+        if not wild:
+            self._low, self._high = min(self._low, raw), max(self._high, raw)
+            self._keep(raw - self._moved, force)
+            self._age += 1
+            if self._age >= _FIRST_LOOK:
+                self._follows = self._fit()
+                if self._follows > FOLLOWS:
+                    self._compare(raw, force)
         if self._age >= LEARNING:
-            self._judge(raw, force, follows)
+            self._judge(raw, force)
+        self._last = raw
+        return self.newtons(raw) if self.trusted and not wild else force
+
+    def newtons(self, raw: int) -> float:
+        """The load [N] behind a reading, once there is a gain."""
+        return (raw - self.bias) / self.gain
 
     def _forget(self) -> None:
         self._age = 0
@@ -97,8 +112,10 @@ class FootSensor:
         # (y) and products; time is counted from now on, in policy steps
         self._weight = self._t = self._tt = 0.0
         self._x = self._y = self._xx = self._xy = self._yy = self._tx = self._ty = 0.0
-        self._in_air = self._under_load = 0.0
-        self._lifted = False
+        self._in_air = self._under_load = self._noise = self._noise_weight = 0.0
+        self._lifted = self._excited = False
+        self._still = self._last = self._against = self._wild = 0
+        self._follows = 0.0
 
     def _keep(self, y: float, x: float) -> None:
         # a step later, all that was is one step further ago
@@ -136,29 +153,43 @@ class FootSensor:
     def _compare(self, raw: int, force: float) -> None:
         """Count where reading and torques contradict each other."""
         pressed = self.newtons(raw) > self._pressed
-        lifted, self._lifted = self._lifted, force < LIFTED * self._usual
-        if lifted and self._lifted:
+        before, self._lifted = self._lifted, force < LIFTED * self._usual
+        if before and self._lifted:
+            self._against = self._against + 1 if pressed else 0
             self._in_air += _IN_AIR_RATE * (pressed - self._in_air)
+            # a difference has the noise of two readings
+            jump = min(abs(raw - self._last) / self.gain, 0.5 * self._usual)
+            self._noise += _IN_AIR_RATE * (0.5 * jump * jump - self._noise)
+            self._noise_weight += _IN_AIR_RATE * (1.0 - self._noise_weight)
         elif force > LOADED * self._usual:
+            self._against = 0 if pressed else self._against + 1
             self._under_load += _UNDER_LOAD_RATE * (1 - pressed - self._under_load)
 
-    def _judge(self, raw: int, force: float, follows: float) -> None:
+    def _judge(self, raw: int, force: float) -> None:
         if not self._excited:
             return
-        doubt = self._why(raw, force, follows)
+        doubt = self._why(raw, force)
         if self.trusted and doubt:
             # whatever has happened to the sensor, what was learnt before is of another one
             self._forget()
-        self.trusted, self.doubt = doubt is None, doubt
+        self.trusted = doubt is None
+        # the first word on a sensor stays, unless it turns out that it tells nothing at all
+        if not (doubt and self.doubt) or (_NOTHING in doubt and _NOTHING not in self.doubt):
+            self.doubt = doubt
 
-    def _why(self, raw: int, force: float, follows: float) -> str | None:
-        if follows <= FOLLOWS:
-            if self._low < self._high:
-                return f"reads {self._low} to {self._high} whatever the load"
-            state = "saturated, " if abs(raw) >= RAIL else ""
-            return f"{state}reads {raw} whatever the load"
-        if self._in_air > WRONG_IN_AIR:
-            return f"reads {raw} in the air, where at most {self.bias:.0f} ... is expected"
-        if self._under_load > WRONG_UNDER_LOAD:
-            return f"reads {raw} under {force:.0f} N"
+    def _why(self, raw: int, force: float) -> str | None:
+        """What is wrong with the sensor, in words."""
+        still = self._still >= STILL and max(self._against, self._wild) >= AGAINST
+        if self._low == self._high or still:
+            return f"{'saturated, ' if abs(raw) >= RAIL else ''}reads {raw} {_NOTHING}"
+        if self._wild > STILL:
+            return f"reads {raw}, which no load explains"
+        if self._follows <= FOLLOWS:
+            return f"reads {self._low} to {self._high} {_NOTHING}"
+        if self._in_air > WRONG_IN_AIR or self._under_load > WRONG_UNDER_LOAD:
+            return f"reads {raw} where the leg bears {force:.0f} N"
+        noise = sqrt(self._noise / (self._noise_weight or 1.0)) / self._usual
+        if noise > (NOISY if self.trusted else QUIET):
+            load = self._usual * self.gain
+            return f"too noisy: scatters by {noise * load:.1f} where standing adds {load:.1f}"
         return None
