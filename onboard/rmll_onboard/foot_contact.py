@@ -113,15 +113,13 @@ class FootContact:
             for foot, doubt in self.doubts.items()
         ]
 
-    def told(self, foot: int) -> str:
-        """What a foot read in the last policy step, in words."""
-        force = f"{self._force[foot]:.0f} N by the leg's torques"
-        if not self.sensors:
-            return force
-        sensor, raw = self.sensors[foot], self._raw[foot]
-        if sensor.trusted:
-            return f"{raw} raw, {sensor.newtons(raw):.0f} N by the sensor, {force}"
-        return f"{raw} raw, {force}, sensor {sensor.doubt or 'not learnt yet'}"
+    def told(self, awaited: Sequence[tuple[int, bool]]) -> str:
+        """In words, which feet should be on the ground or off it, and what they read instead."""
+        feet = [
+            f"{FEET[foot]} {'on' if down else 'off'} the ground ({self._read(foot)})"
+            for foot, down in awaited
+        ]
+        return ", ".join(feet) or "no foot"
 
     def report(self) -> dict[str, Any]:
         """Per foot: what contact came from at the end, and what was learnt of the sensor."""
@@ -131,6 +129,15 @@ class FootContact:
             "bias": [round(s.bias, 1) if s.trusted else None for s in self.sensors],
             "doubts": self.doubts,
         }
+
+    def _read(self, foot: int) -> str:
+        force = f"{self._force[foot]:.0f} N by the leg's torques"
+        if not self.sensors:
+            return force
+        sensor, raw = self.sensors[foot], self._raw[foot]
+        if sensor.trusted:
+            return f"{raw} raw, {sensor.newtons(raw):.0f} N by the sensor; {force}"
+        return f"{raw} raw; {force}; its sensor {sensor.doubt or 'is not learnt yet'}"
 
     def _loads(self, state: RobotState, gravity: Array) -> Sequence[float]:
         """[N] on each foot, by the better source; the sensors learn from the other one."""

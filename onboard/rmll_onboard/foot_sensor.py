@@ -138,8 +138,14 @@ class FootSensor:
         weight, t, tt = self._weight, self._t, self._tt
         scale = weight * tt - t * t
         # of load and reading: the value now and the slope of a line through the past
-        x, x_slope = (tt * self._x - t * self._tx) / scale, (weight * self._tx - t * self._x) / scale
-        y, y_slope = (tt * self._y - t * self._ty) / scale, (weight * self._ty - t * self._y) / scale
+        x, x_slope = (
+            (tt * self._x - t * self._tx) / scale,
+            (weight * self._tx - t * self._x) / scale,
+        )
+        y, y_slope = (
+            (tt * self._y - t * self._ty) / scale,
+            (weight * self._ty - t * self._y) / scale,
+        )
         xx = self._xx - x * self._x - x_slope * self._tx
         xy = self._xy - x * self._y - x_slope * self._ty
         yy = self._yy - y * self._y - y_slope * self._ty
@@ -187,7 +193,8 @@ class FootSensor:
         if self._follows <= FOLLOWS:
             return f"reads {self._low} to {self._high} {_NOTHING}"
         if self._in_air > WRONG_IN_AIR or self._under_load > WRONG_UNDER_LOAD:
-            return f"reads {raw} where the leg bears {force:.0f} N"
+            felt = self.newtons(raw)
+            return f"reads {raw}, which is {felt:.0f} N, where the leg bears {force:.0f} N"
         noise = sqrt(self._noise / (self._noise_weight or 1.0)) / self._usual
         if noise > (NOISY if self.trusted else QUIET):
             load = self._usual * self.gain
