@@ -85,7 +85,7 @@ class Sensors:
         world: World,
         noise: Noise,
         rng: np.random.Generator,
-        units: FootUnits = FootUnits(),  # noqa: B008 - frozen
+        units: FootUnits = FootUnits(),
     ) -> None:
         self._world = world
         self._noise = noise

@@ -43,7 +43,9 @@ class FootContact:
         self._load = self._weight / len(FEET)
         self._pressed, self._clear = settings.touching * self._load, settings.clear * self._load
         self._legs = LegForce(robot)
-        self.sensors = [FootSensor(self._load, self._pressed) for _ in FEET if sensors]
+        self.sensors: Sequence[FootSensor] = [
+            FootSensor(self._load, self._pressed, foot) for foot in range(len(FEET)) if sensors
+        ]
         """One a foot, or none"""
         self._before = np.zeros(len(FEET), bool)
         self._force: Sequence[float] = [0.0] * len(FEET)

@@ -14,7 +14,7 @@ NumPy takes longer for so few.
 from math import sqrt
 
 KEEP = 0.99
-"""Of the past, each policy step: a time constant of 2 s, which is two strides of the slowest gait"""
+"""Of the past, each policy step: a time constant of 2 s, almost two strides of the slowest gait"""
 LEARNING = 75
 """Policy steps of walking until the readings are believed: the slowest stride takes 66"""
 EXCITED = 0.25
@@ -33,11 +33,13 @@ QUIET, NOISY = 0.08, 0.1
 have at first, and later. A foot counts as pressed at twice that, and a pronk waits for four feet
 to be in the air at once"""
 STILL, AGAINST = 5, 3
-"""Policy steps with the same reading, and contradictions in a row meanwhile, that tell a dead sensor"""
+"""Policy steps with one reading, and contradictions in a row meanwhile, that tell a dead sensor"""
 GLITCH = 10.0
 """Of the usual load: a reading that far off is none, and the torques are believed in its place"""
 RAIL = 32767
 """Of 16 bits"""
+_LOOKS = 4
+"""Policy steps from one fit to the next; drift is followed in between"""
 _FIRST_LOOK = 25
 """Policy steps until a line through the readings says anything"""
 _NOTHING = "whatever the load"
@@ -48,16 +50,19 @@ _AT_REST = 0.1
 class FootSensor:
     """Fed once a policy step."""
 
-    def __init__(self, usual: float, pressed: float) -> None:
-        """``usual`` [N] is the foot's load in standing, above ``pressed`` [N] it is in contact."""
+    def __init__(self, usual: float, pressed: float, turn: int = 0) -> None:
+        """``usual`` [N] is the foot's load in standing, above ``pressed`` [N] it is in contact.
+
+        Feet of another ``turn`` are fitted in another policy step.
+        """
         self.gain = self.bias = 0.0
         """raw units a newton; raw units in the air, now"""
         self.trusted = False
         """The readings are believed"""
         self.doubt: str | None = None
         """Why it is not, once that is known"""
-        self._usual, self._pressed = usual, pressed
-        self._kind = ""
+        self._usual, self._pressed, self._turn = usual, pressed, turn
+        self._lifted_below, self._loaded_above = LIFTED * usual, LOADED * usual
         self._moved = 0.0
         self._rest: float | None = None
         self._forget()
@@ -67,17 +72,19 @@ class FootSensor:
 
         ``force`` [N] is by torque.
         """
-        if self._weight:
+        if self._age >= LEARNING:
             off = raw - self.gain * max(force, 0.0) - self.bias
             self._rest = off if self._rest is None else self._rest + _AT_REST * (off - self._rest)
 
     def begin(self) -> None:
         """A walk begins."""
-        if self._rest is not None:
+        if self._age < LEARNING:
+            self._forget()
+        elif self._rest is not None:
             # the readings so far mean what they would be from now on
             self._moved += self._rest
             self.bias += self._rest
-            self._rest = None
+        self._rest = None
 
     def walk(self, raw: int, force: float) -> float:
         """A policy step of a walk; ``force`` [N] is by torque.
@@ -85,18 +92,16 @@ class FootSensor:
         Returns the load [N] that is to be believed.
         """
         force = max(force, 0.0)  # the ground does not pull: what is below is the swing's own
-        wild = self.trusted and abs(raw - self.bias) > GLITCH * self._usual * self.gain
         self._still = self._still + 1 if raw == self._last else 0
-        self._wild = self._wild + 1 if wild else 0
+        if self.trusted:
+            self.bias += self._drift
+            wild = abs(raw - self.bias) > GLITCH * self._usual * self.gain
+            self._wild = self._wild + 1 if wild else 0
+        else:
+            wild = False
         if not wild:
-            self._low, self._high = min(self._low, raw), max(self._high, raw)
-            self._keep(raw - self._moved, force)
-            self._age += 1
-            if self._age >= _FIRST_LOOK:
-                self._follows = self._fit()
-                if self._follows > FOLLOWS:
-                    self._compare(raw, force)
-        if self._age >= LEARNING:
+            self._learn(raw, force)
+        if self._age >= LEARNING and (self._looked or self._against or wild):
             self._judge(raw, force)
         self._last = raw
         return self.newtons(raw) if self.trusted and not wild else force
@@ -108,58 +113,70 @@ class FootSensor:
     def _forget(self) -> None:
         self._age = 0
         self._low, self._high = RAIL + 1, -RAIL - 2
-        # sums over the past, weighted by how long ago: of 1, time, its square, load (x), reading
-        # (y) and products; time is counted from now on, in policy steps
-        self._weight = self._t = self._tt = 0.0
-        self._x = self._y = self._xx = self._xy = self._yy = self._tx = self._ty = 0.0
+        # over the past, weighted by how long ago: the sums of 1, time, its square, load (x),
+        # reading (y) and products; time is counted from now on, in policy steps
+        self._sums = (0.0,) * 10
+        self._drift = 0.0
         self._in_air = self._under_load = self._noise = self._noise_weight = 0.0
-        self._lifted = self._excited = False
+        self._lifted = self._excited = self._looked = False
         self._still = self._last = self._against = self._wild = 0
         self._follows = 0.0
 
+    def _learn(self, raw: int, force: float) -> None:
+        if raw < self._low:
+            self._low = raw
+        if raw > self._high:
+            self._high = raw
+        self._keep(raw - self._moved, force)
+        self._age += 1
+        self._looked = self._age >= _FIRST_LOOK and self._age % _LOOKS == self._turn
+        if self._looked:
+            self._follows = self._fit()
+        if self._follows > FOLLOWS:
+            self._compare(raw, force)
+
     def _keep(self, y: float, x: float) -> None:
+        n, t, tt, sx, sy, xx, xy, yy, tx, ty = self._sums
         # a step later, all that was is one step further ago
-        self._tt = KEEP * (self._tt - 2 * self._t + self._weight)
-        self._t = KEEP * (self._t - self._weight)
-        self._tx = KEEP * (self._tx - self._x)
-        self._ty = KEEP * (self._ty - self._y)
-        self._weight = KEEP * self._weight + 1.0
-        self._x = KEEP * self._x + x
-        self._y = KEEP * self._y + y
-        self._xx = KEEP * self._xx + x * x
-        self._xy = KEEP * self._xy + x * y
-        self._yy = KEEP * self._yy + y * y
+        self._sums = (
+            KEEP * n + 1.0,
+            KEEP * (t - n),
+            KEEP * (tt - 2 * t + n),
+            KEEP * sx + x,
+            KEEP * sy + y,
+            KEEP * xx + x * x,
+            KEEP * xy + x * y,
+            KEEP * yy + y * y,
+            KEEP * (tx - sx),
+            KEEP * (ty - sy),
+        )
 
     def _fit(self) -> float:
         """Least squares for gain, bias and drift; returns the squared correlation, drift removed.
 
         0 for a foot that has not stepped, or whose readings fall under load.
         """
-        weight, t, tt = self._weight, self._t, self._tt
-        scale = weight * tt - t * t
+        n, t, tt, sx, sy, xx, xy, yy, tx, ty = self._sums
+        scale = n * tt - t * t
         # of load and reading: the value now and the slope of a line through the past
-        x, x_slope = (
-            (tt * self._x - t * self._tx) / scale,
-            (weight * self._tx - t * self._x) / scale,
-        )
-        y, y_slope = (
-            (tt * self._y - t * self._ty) / scale,
-            (weight * self._ty - t * self._y) / scale,
-        )
-        xx = self._xx - x * self._x - x_slope * self._tx
-        xy = self._xy - x * self._y - x_slope * self._ty
-        yy = self._yy - y * self._y - y_slope * self._ty
-        self._excited = xx > weight * (EXCITED * self._usual) ** 2
+        x, x_slope = (tt * sx - t * tx) / scale, (n * tx - t * sx) / scale
+        y, y_slope = (tt * sy - t * ty) / scale, (n * ty - t * sy) / scale
+        # and what is left over it
+        xx -= x * sx + x_slope * tx
+        xy -= x * sy + x_slope * ty
+        yy -= y * sy + y_slope * ty
+        self._excited = xx > n * (EXCITED * self._usual) ** 2
         if not self._excited or xy <= 0.0 or yy <= 0.0:
             return 0.0
         self.gain = xy / xx
         self.bias = y - self.gain * x + self._moved
+        self._drift = y_slope - self.gain * x_slope
         return xy * xy / (xx * yy)
 
     def _compare(self, raw: int, force: float) -> None:
         """Count where reading and torques contradict each other."""
         pressed = self.newtons(raw) > self._pressed
-        before, self._lifted = self._lifted, force < LIFTED * self._usual
+        before, self._lifted = self._lifted, force < self._lifted_below
         if before and self._lifted:
             self._against = self._against + 1 if pressed else 0
             self._in_air += _IN_AIR_RATE * (pressed - self._in_air)
@@ -167,7 +184,7 @@ class FootSensor:
             jump = min(abs(raw - self._last) / self.gain, 0.5 * self._usual)
             self._noise += _IN_AIR_RATE * (0.5 * jump * jump - self._noise)
             self._noise_weight += _IN_AIR_RATE * (1.0 - self._noise_weight)
-        elif force > LOADED * self._usual:
+        elif force > self._loaded_above:
             self._against = 0 if pressed else self._against + 1
             self._under_load += _UNDER_LOAD_RATE * (1 - pressed - self._under_load)
 
@@ -185,12 +202,13 @@ class FootSensor:
 
     def _why(self, raw: int, force: float) -> str | None:
         """What is wrong with the sensor, in words."""
-        still = self._still >= STILL and max(self._against, self._wild) >= AGAINST
-        if self._low == self._high or still:
+        deaf = self._follows <= FOLLOWS
+        contradicts = max(self._against, self._wild) >= AGAINST
+        if self._low == self._high or (self._still >= STILL and (deaf or contradicts)):
             return f"{'saturated, ' if abs(raw) >= RAIL else ''}reads {raw} {_NOTHING}"
         if self._wild > STILL:
             return f"reads {raw}, which no load explains"
-        if self._follows <= FOLLOWS:
+        if deaf:
             return f"reads {self._low} to {self._high} {_NOTHING}"
         if self._in_air > WRONG_IN_AIR or self._under_load > WRONG_UNDER_LOAD:
             felt = self.newtons(raw)

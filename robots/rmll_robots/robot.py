@@ -28,7 +28,7 @@ class Leg:
     calf_on_thigh: float
     """[kg m²] by which one of the two accelerates the other, with the calf at a right angle"""
     bend_inertia: float
-    """[kg m²] that the cosine of the calf's angle adds to the line before, and twice to the thigh's:
+    """[kg m²] that the cosine of the calf's angle adds to the line above, and twice to the thigh's:
     the calf's mass times its middle's distance times the length of the thigh"""
 
 
