@@ -133,7 +133,7 @@ class FootContact:
         }
 
     def _read(self, foot: int) -> str:
-        force = f"{self._force[foot]:.0f} N by the leg's torques"
+        force = f"{max(0.0, self._force[foot]):.0f} N by the leg's torques"
         if not self.sensors:
             return force
         sensor, raw = self.sensors[foot], self._raw[foot]

@@ -73,6 +73,7 @@ class FootSensor:
         ``force`` [N] is by torque.
         """
         if self._age >= LEARNING:
+            self._move(self._drift)
             off = raw - self.gain * max(force, 0.0) - self.bias
             self._rest = off if self._rest is None else self._rest + _AT_REST * (off - self._rest)
 
@@ -81,10 +82,13 @@ class FootSensor:
         if self._age < LEARNING:
             self._forget()
         elif self._rest is not None:
-            # the readings so far mean what they would be from now on
-            self._moved += self._rest
-            self.bias += self._rest
+            self._move(self._rest)
         self._rest = None
+
+    def _move(self, bias: float) -> None:
+        """The bias has moved, and all past readings with it, as far as the fit is concerned."""
+        self.bias += bias
+        self._moved += bias
 
     def walk(self, raw: int, force: float) -> float:
         """A policy step of a walk; ``force`` [N] is by torque.
