@@ -33,7 +33,7 @@ QUIET, NOISY = 0.08, 0.1
 have at first, and later. A foot counts as pressed at twice that, and a pronk waits for four feet
 to be in the air at once"""
 STILL, AGAINST = 5, 3
-"""Policy steps with one reading, and contradictions in a row meanwhile, that tell a dead sensor"""
+"""Policy steps with one reading, and contradictions meanwhile, that tell a dead sensor"""
 GLITCH = 10.0
 """Of the usual load: a reading that far off is none, and the torques are believed in its place"""
 RAIL = 32767
@@ -96,7 +96,10 @@ class FootSensor:
         Returns the load [N] that is to be believed.
         """
         force = max(force, 0.0)  # the ground does not pull: what is below is the swing's own
-        self._still = self._still + 1 if raw == self._last else 0
+        if raw == self._last:
+            self._still += 1
+        else:
+            self._still = self._against = 0
         if self.trusted:
             self.bias += self._drift
             wild = abs(raw - self.bias) > GLITCH * self._usual * self.gain
@@ -182,14 +185,14 @@ class FootSensor:
         pressed = self.newtons(raw) > self._pressed
         before, self._lifted = self._lifted, force < self._lifted_below
         if before and self._lifted:
-            self._against = self._against + 1 if pressed else 0
+            self._against += pressed
             self._in_air += _IN_AIR_RATE * (pressed - self._in_air)
             # a difference has the noise of two readings
             jump = min(abs(raw - self._last) / self.gain, 0.5 * self._usual)
             self._noise += _IN_AIR_RATE * (0.5 * jump * jump - self._noise)
             self._noise_weight += _IN_AIR_RATE * (1.0 - self._noise_weight)
         elif force > self._loaded_above:
-            self._against = 0 if pressed else self._against + 1
+            self._against += not pressed
             self._under_load += _UNDER_LOAD_RATE * (1 - pressed - self._under_load)
 
     def _judge(self, raw: int, force: float) -> None:

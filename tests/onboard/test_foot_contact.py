@@ -177,9 +177,9 @@ def test_what_was_awaited_is_told_with_all_that_is_known(by_sensor, by_torque):
         "FL on the ground (12 raw; 3 N by the leg's torques; its sensor is not learnt yet)"
     )
     walk(by_sensor, stances("trot", 9, 4), lambda load: np.array([0, 1, 1, 1]) * (2 * load + 50))
-    step(by_sensor, state(3, [0, 56, 56, 56]))
+    step(by_sensor, state(3, [0, 90, 90, 90]))
     assert by_sensor.told([(0, True), (1, False)]) == (
         "FR on the ground (0 raw; 3 N by the leg's torques; its sensor reads 0 whatever the load), "
-        "FL off the ground (56 raw, 3 N by the sensor; 3 N by the leg's torques)"
+        "FL off the ground (90 raw, 20 N by the sensor; 3 N by the leg's torques)"
     )
     assert by_sensor.told([]) == "no foot"
