@@ -10,6 +10,7 @@ import tyro
 from rmll_contract import command
 from rmll_contract.output import output_file
 from rmll_gaits.errors import InputError
+from rmll_gaits.load import library_names
 from rmll_hil.can_robot import CanRobot
 from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.faults import Plan, load_plan
@@ -22,6 +23,7 @@ from rmll_onboard.settings import Kind, load_settings
 from rmll_robots import A1
 
 Robot = Annotated[Settings, tyro.conf.OmitArgPrefixes]
+SHIPPED = tuple(map(Path, library_names()))
 
 
 def serve_command(
@@ -185,12 +187,41 @@ def faults_command(
     faults(policy, only, realtime, times, jobs, out, json)
 
 
+def feet_command(
+    policies: tuple[Path, ...] = SHIPPED,
+    only: tuple[str, ...] = (),
+    seconds: float = 8.0,
+    jobs: int = 1,
+    out: Path | None = None,
+    json: bool = False,
+) -> None:
+    """Walk on foot sensors of any unit, bias, drift and noise, which the daemon has to learn.
+
+    A table, foot sensors x gait: adherence, which has to be within 0.02 of that of a daemon that
+    is told the true unit and bias, without a fall. In lockstep; a walk takes some seconds.
+
+    Example: rmll-hil feet --policies trot pronk --only "gain 0.2, bias 500"
+
+    Args:
+        policies: The bundles that walk, files or names of shipped ones; all shipped by default.
+        only: Names of rows; all by default.
+        seconds: How long each walk is.
+        jobs: How many at a time.
+        out: Write the table to this Markdown file, or to feet.md in this folder.
+        json: Print the table as one JSON list.
+    """
+    from rmll_hil.feet_command import feet
+
+    feet(policies, only, seconds, jobs, out, json)
+
+
 def main() -> None:
     commands = {
         "serve": serve_command,
         "run": run_command,
         "replay": replay_command,
         "faults": faults_command,
+        "feet": feet_command,
     }
     command.run("rmll-hil", commands)
 

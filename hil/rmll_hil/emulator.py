@@ -18,7 +18,7 @@ from rmll_hil.faults import Plan
 from rmll_hil.network import Way
 from rmll_hil.robot_wire import A1Robot, RobotWire
 from rmll_hil.sabotage import Sabotage
-from rmll_hil.sensors import Noise, Sensors
+from rmll_hil.sensors import FootUnits, Noise, Sensors
 from rmll_hil.world import STEP_MS, World, load
 from rmll_onboard.a1_wire import BadPacket, RobotState
 from rmll_robots import A1, Robot
@@ -92,6 +92,7 @@ class Emulator:
         robot: Robot = A1,
         plan: Plan = (),
         wire: RobotWire | None = None,
+        feet: FootUnits = FootUnits(),  # noqa: B008 - frozen
     ) -> None:
         """``plan`` is for a wire that speaks like an A1, as the default one does."""
         settings = settings or Settings()
@@ -110,7 +111,7 @@ class Emulator:
         self._sabotage = Sabotage((), self.world, self.board, robot)
         self._settle(settings)
         rng = np.random.default_rng(settings.seed)
-        self._sensors = Sensors(self.world, noise or Noise(), rng)
+        self.sensors = Sensors(self.world, noise or Noise(), rng, feet)
         self._sabotage = Sabotage(plan, self.world, self.board, robot)
         # randomness of its own, so that a plan does not change the sensors' noise
         chance = np.random.default_rng((settings.seed, 1))
@@ -185,7 +186,7 @@ class Emulator:
         return np.array(self._truth, TRUTH)
 
     def _measure(self) -> RobotState:
-        state = self._sensors.read(self.board.mode, self.now_ms)
+        state = self.sensors.read(self.board.mode, self.now_ms)
         self._sabotage.distort(state, self.now_ms)
         return state
 

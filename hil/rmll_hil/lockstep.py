@@ -25,11 +25,12 @@ def walk(
     progress: Callable[[float], None],
     record: Callable[[Tick], None] | None = None,
     settings: Settings = Settings(),  # noqa: B008 - frozen
+    prepare: Callable[[Daemon], None] = lambda _: None,
 ) -> Outcome:
     """Run until the daemon has finished.
 
     ``progress`` hears the robot's time [s] at 50 Hz, ``record`` sees every tick; ``settings`` are
-    the daemon's.
+    the daemon's, which ``prepare`` may change before its first tick.
     """
     rows: list[dict[str, Any]] = []
     names = columns(bundle.contract)
@@ -41,6 +42,7 @@ def walk(
             record(tick)
 
     daemon = Daemon(bundle, settings, pilot)
+    prepare(daemon)
     witness = Witness(daemon, keep)
     period_ms = daemon.period // 1_000_000
     began = time.perf_counter()

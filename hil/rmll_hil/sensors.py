@@ -43,6 +43,8 @@ class Noise:
     """Raw units"""
     foot_drift: float = 0.5
     """Raw units after one second, growing with the square root of time"""
+    foot_noise_share: float = 0.0
+    """Noise of the feet that grows with their unit: a share of a quarter of the robot's weight"""
 
 
 QUIET = Noise(*[0.0] * len(fields(Noise)))
@@ -53,10 +55,23 @@ QUIET = Noise(*[0.0] * len(fields(Noise)))
 # load and recovers slowly, so an unloaded foot reads below its bias (Cerberus, issue 2).
 FOOT_BIAS = np.array([-1.06, -1.70, -20.86, -5.18])
 FOOT_GAIN = 2.0
-"""Raw units per newton"""
+"""Raw units per newton, unless :class:`FootUnits` says another"""
 FOOT_CREEP = 0.1
 FOOT_CREEP_TIME = 0.2
 """[s]"""
+
+
+@dataclass(frozen=True)
+class FootUnits:
+    """What the feet's raw readings mean, which no data sheet says. Four numbers, or one for all."""
+
+    gain: float | tuple[float, float, float, float] | None = None
+    """Raw units per newton; None: FOOT_GAIN"""
+    bias: float | tuple[float, float, float, float] = 0.0
+    """Raw units, on top of FOOT_BIAS"""
+    drift: float | tuple[float, float, float, float] = 0.0
+    """Raw units per second, for all time"""
+
 
 MOTOR_TEMPERATURE = 35
 """[°C]; heating is not emulated"""
@@ -65,12 +80,19 @@ MOTOR_TEMPERATURE = 35
 class Sensors:
     """Reads a :class:`World` as the board would; all randomness comes from ``rng``."""
 
-    def __init__(self, world: World, noise: Noise, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        world: World,
+        noise: Noise,
+        rng: np.random.Generator,
+        units: FootUnits = FootUnits(),
+    ) -> None:
         self._world = world
         self._noise = noise
         self._rng = rng
         self._gyro_bias = rng.normal(0, noise.gyro_bias, 3)
-        self._foot = _FootSensors(noise, rng, world.foot_load)
+        standing = world.weight / 4
+        self.feet = FootSensors(noise, units, rng, world.foot_load, standing)
         self._read_ms = 0
 
     def read(self, mode: NDArray[np.uint8], now_ms: int) -> RobotState:
@@ -89,27 +111,41 @@ class Sensors:
             gyro=world.gyro + self._gyro_bias + rng.normal(0, noise.gyro, 3),
             accelerometer=world.accelerometer + rng.normal(0, noise.accelerometer, 3),
             rpy=roll_pitch_yaw(quaternion),
-            foot_force=self._foot.read(world.foot_load, seconds),
+            foot_force=self.feet.read(world.foot_load, seconds),
             tick=now_ms,
         )
 
 
-class _FootSensors:
+class FootSensors:
     """Four force sensors in raw units: gain, creep, bias, drift and noise; 16-bit integers."""
 
-    def __init__(self, noise: Noise, rng: np.random.Generator, load: Array) -> None:
+    def __init__(
+        self,
+        noise: Noise,
+        units: FootUnits,
+        rng: np.random.Generator,
+        load: Array,
+        standing: float,
+    ) -> None:
+        """``load`` (4,) [N] is on them, ``standing`` [N] a quarter of the robot's weight."""
         self._noise = noise
         self._rng = rng
-        self._gain = FOOT_GAIN * (1 + rng.uniform(-1, 1, 4) * noise.foot_gain_spread)
+        gain = FOOT_GAIN if units.gain is None else np.array(units.gain)
+        self.gain = gain * (1 + rng.uniform(-1, 1, 4) * noise.foot_gain_spread)
+        """(4,) raw units per newton"""
+        self.bias = FOOT_BIAS + np.array(units.bias)
+        """(4,) raw units, now"""
+        self._drift = np.array(units.drift)
         self._settled = load.copy()
-        self._bias = FOOT_BIAS.copy()
+        self._roughness = np.hypot(noise.foot_force, noise.foot_noise_share * standing * self.gain)
 
     def read(self, load: Array, seconds: float) -> NDArray[np.int16]:
         """``load`` [N], ``seconds`` since the last reading."""
         self._settled += (load - self._settled) * (1 - np.exp(-seconds / FOOT_CREEP_TIME))
-        self._bias += self._rng.normal(0, self._noise.foot_drift * np.sqrt(seconds), 4)
+        self.bias += self._rng.normal(0, self._noise.foot_drift * np.sqrt(seconds), 4)
+        self.bias += self._drift * seconds
         felt = load + FOOT_CREEP * (load - self._settled)
-        raw = self._gain * felt + self._bias + self._rng.normal(0, self._noise.foot_force, 4)
+        raw = self.gain * felt + self.bias + self._rng.normal(0, self._roughness)
         return np.rint(raw).clip(-32768, 32767).astype(np.int16)
 
 

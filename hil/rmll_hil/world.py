@@ -45,6 +45,11 @@ class World:
     base_contact: Array
     """Contacts between the trunk and the ground, (1,)"""
 
+    @property
+    def weight(self) -> float:
+        """[N] of the robot"""
+        return float(self.model.body_mass.sum() * -self.model.opt.gravity[2])
+
 
 def load(robot: Robot, friction: float, field: Field | None = None) -> World:
     """The robot lying in the middle of ``field``, or on a flat floor; ``friction`` is the sliding

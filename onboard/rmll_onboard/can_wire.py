@@ -10,19 +10,15 @@ import numpy as np
 
 from rmll_onboard import can_imu, mit_wire
 from rmll_onboard.a1_wire import MODE_SERVO, BadPacket, MotorCommand, Reason
-from rmll_onboard.attitude import projected_gravity
 from rmll_onboard.can_frames import Frame, unpack
 from rmll_onboard.can_layout import Layout
 from rmll_onboard.can_settings import Can
 from rmll_onboard.intake import Intake
-from rmll_onboard.leg_force import LegForce
 from rmll_onboard.mit_wire import Commands
 from rmll_onboard.sensor_monitor import Streams
 from rmll_onboard.settings import Link
 from rmll_robots import Robot
 
-RAW = 2.0
-"""Raw units of foot force a newton: what the settings of the feet suggest for an A1"""
 ENTER_ROUNDS = 3
 """How often, at least, the actuators are told to switch on before they are believed to be"""
 
@@ -37,7 +33,7 @@ class CanWire(Intake):
     long or reports an error is a fault.
     """
 
-    streams = Streams(accelerometer=False, rpy=False)
+    streams = Streams(accelerometer=False, rpy=False, feet=False)
     farewell = 2.0
     """[s] of damping datagrams at the end: until a robot lies, for the actuators then go limp"""
 
@@ -49,7 +45,6 @@ class CanWire(Intake):
         joints = len(layout.joints)
         self.state.mode[:] = MODE_SERVO
         self._timeout = int(can.reply_timeout_ms * 1e6)
-        self._force = LegForce(robot)
         self._who = {
             (bus, reply_id, first): joint
             for joint, (bus, reply_id) in enumerate(zip(layout.bus, layout.reply_id, strict=True))
@@ -175,12 +170,6 @@ class CanWire(Intake):
         state.q[:] = layout.to_joint(position)
         np.multiply(layout.sign, velocity, out=state.dq)
         np.multiply(layout.sign, torque, out=state.tau)
-        gravity = projected_gravity(state.quaternion)
-        # without a new speed of the joints there is no acceleration to be had
-        if now in self._heard[:-1] and np.isfinite(gravity).all():
-            force = self._force.step(now, state.q, state.dq, state.tau, gravity)
-            # the ground does not pull: what is below zero is the swing's own
-            state.foot_force[:] = np.rint(RAW * force).clip(0, 32767)
         self.received += 1
         self.heard = now
         measured = self._steps.tobytes() + state.quaternion.tobytes() + state.gyro.tobytes()

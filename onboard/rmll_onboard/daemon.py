@@ -51,7 +51,8 @@ class Daemon:
         self._joints = bundle.joints
         self._decimation = contract.control_hz // contract.policy_hz
         self._countdown = 0
-        self._feet = FootContact(settings.feet)
+        self.feet = FootContact(settings.feet, bundle.robot, self.intake.streams.feet)
+        """Which feet touch the ground"""
         walk_pose = np.empty(len(self._joints))
         walk_pose[self._joints] = contract.default_pose
         self._target = walk_pose.copy()
@@ -73,6 +74,8 @@ class Daemon:
         state, supervisor = self.intake.state, self._supervisor
         fresh = self.intake.take(now, datagrams, resting=supervisor.mode is Mode.DAMPING)
         gravity = projected_gravity(state.quaternion)
+        if fresh:
+            self.feet.measured(now, state.dq)
         pressed = remote.decode(state.remote)
         if pressed.emergency_stop:
             supervisor.trip("emergency stop on the remote")
@@ -85,7 +88,7 @@ class Daemon:
         mode = supervisor.update(now, state, self._guard.complaint(seen), orders.request)
         if mode is Mode.WALKING and before is not Mode.WALKING:
             self.controller.reset()
-            self._feet.reset()
+            self.feet.reset()
             self._slew.reset(orders.command)
             self._countdown = 0
         self.due = self._countdown == 0
@@ -96,7 +99,7 @@ class Daemon:
             if not self._stop.under_way:
                 self._walk.count(now, self.controller)
         elif self.due and self.intake.received:
-            self._feet.rest(mode, state.foot_force)
+            self.feet.rest(mode, state, gravity)
         command = supervisor.command(now, state, self._target)
         self._guard.obedience.sent(command)
         return self.intake.opening() or self._encode(command)
@@ -132,7 +135,7 @@ class Daemon:
             "fault": self.fault,
             "warnings": self._guard.warnings,
             "stuck_walks": self._stop.stuck_walks,
-            "feet": self._feet.report(),
+            "feet": self.feet.report(),
             "refused": refused,
         }
 
@@ -174,18 +177,23 @@ class Daemon:
         phi, frequency = self.controller.phi, float(self.controller.command[2])
         stuck = self._monitor.stuck(phi, frequency)
         if stuck:
-            self._guard.warn(f"the gait was stuck: {phi} policy steps without a transition")
+            awaited = self._monitor.awaited(self.controller.state, self.controller.label)
+            self._guard.warn(
+                f"the gait was stuck: {phi} policy steps without a transition; "
+                f"awaited {self.feet.told(awaited)}"
+            )
         return stuck
 
     def _step_policy(self, gravity: np.ndarray, command: tuple[float, float, float]) -> None:
         state, joints = self.intake.state, self._joints
         sensed = Sensed(state.q[joints], state.dq[joints], gravity, state.gyro)
-        touching, clear = self._feet.step(
-            state.foot_force,
+        touching, clear = self.feet.step(
+            state,
+            gravity,
             self.controller.down,
             lambda: self.controller.foot_height(sensed, command),
         )
-        if complaint := self._feet.complaint:
+        for complaint in self.feet.complaints:
             self._guard.warn(complaint)
         if self._stop.under_way:
             touching, clear = self._stop.contacts(self.controller.state)

@@ -1,72 +1,100 @@
-"""From the A1's foot force sensors to the two signals of the labelling function."""
+"""From what is known of the load on each foot to the two signals of the labelling function.
 
-from collections.abc import Callable
+Two sources tell it, both in newtons: the joint torques of the leg, on every robot and from the
+first step on; and a foot's own sensor, where the robot has one, once :mod:`foot_sensor` has learnt
+it and for as long as it is not doubted. The sensor is the better one: the shake of a foot that
+touches down is in the torques, but not in the sensor.
+"""
+
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmll_gaits.label import FEET
-from rmll_onboard.foot_calibration import FootCalibration
+from rmll_onboard.a1_wire import RobotState
+from rmll_onboard.foot_sensor import FootSensor
+from rmll_onboard.leg_force import LegForce
 from rmll_onboard.settings import Feet
 from rmll_onboard.supervisor import Mode
+from rmll_robots import Robot
 
-TOUCHING_HEIGHT, CLEAR_HEIGHT = 0.01, 0.02
-"""[m] of the estimator's foot heights; the first counts only where a sensor is dead. In training a
-foot is clear from 0.03 m on, but a gait whose feet never seem to be clear would stand still"""
+Array = NDArray[np.float64]
+
+GRAVITY = 9.81
+CLEAR_HEIGHT = 0.02
+"""[m] of the estimator's foot heights. In training a foot is clear from 0.03 m on, but a gait whose
+feet never seem to be clear would stand still"""
+FIRM = 1.5
+"""So many times more than what counts as a touch has to be on a foot in the air, if torques tell
+it: they err by some newtons in a swing, and a pronk that feels one foot waits for its next leap"""
+BORNE = 0.8, 1.2
+"""Of the robot's weight, by torque: it stands on its feet, and not on its belly or in a person's
+hands"""
 
 
 class FootContact:
     """Contact with memory of one policy step, as the trainer's labelling function has it."""
 
-    def __init__(self, settings: Feet) -> None:
-        self._settings = settings
-        self.calibration = FootCalibration(settings.load)
-        self.reset()
+    def __init__(self, settings: Feet, robot: Robot, sensors: bool) -> None:
+        """``sensors``: the robot's states bring readings of foot sensors."""
+        self._weight = robot.mass * GRAVITY
+        self._load = self._weight / len(FEET)
+        self._pressed, self._clear = settings.touching * self._load, settings.clear * self._load
+        self._legs = LegForce(robot)
+        self.sensors: Sequence[FootSensor] = [
+            FootSensor(self._load, self._pressed, foot) for foot in range(len(FEET)) if sensors
+        ]
+        """One a foot, or none"""
+        self._before = np.zeros(len(FEET), bool)
+        self._force: Sequence[float] = [0.0] * len(FEET)
+        self._raw: Sequence[int] = ()
+        self._trusted = [False] * len(FEET)
 
     def reset(self) -> None:
         """A walk begins: forget the step before."""
-        self._before = np.zeros(4, bool)
-        self.calibration.begin()
+        self._before = np.zeros(len(FEET), bool)
+        for sensor in self.sensors:
+            sensor.begin()
 
-    def rest(self, mode: Mode, foot_force: NDArray[np.int16]) -> None:
-        """Learn from a robot that does not walk, once a policy step."""
-        match mode:
-            case Mode.DAMPING:
-                self.calibration.lie(foot_force)
-            case Mode.STANDING_UP:
-                self.calibration.rise(foot_force)
-            case Mode.STANDING:
-                self.calibration.stand(foot_force)
+    def measured(self, now: int, dq: Array) -> None:
+        """A new state came, measured at ``now`` [ns], whose joints turn at ``dq`` [rad/s] (12,)."""
+        self._legs.turn(now, dq)
+
+    def rest(self, mode: Mode, state: RobotState, gravity: Array) -> None:
+        """Follow the sensors of a robot that does not walk, once a policy step."""
+        if mode in (Mode.STANDING_UP, Mode.STANDING) and self.sensors:
+            self._feel(state, gravity)
+            low, high = BORNE
+            # written so that what is no number bears nothing
+            if low * self._weight < sum(self._force) < high * self._weight:
+                for sensor, raw, force in zip(self.sensors, self._raw, self._force, strict=True):
+                    sensor.stand(raw, force)
 
     def step(
         self,
-        foot_force: NDArray[np.int16],
+        state: RobotState,
+        gravity: Array,
         down: NDArray[np.bool_],
         look: Callable[[], NDArray[np.floating]],
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """``touching`` and ``clear`` (4,), once a policy step.
 
-        ``foot_force`` (4,) are raw sensor values, ``down`` (4,) the feet's bits of the last label.
-        ``look`` gives the feet's estimated heights (4,) [m] above the ground, which alone count for
-        feet without a working sensor. It costs a run of the network, so it is asked only if a bit
-        hangs on it.
+        ``gravity`` (3,) is its unit vector in the base frame, ``down`` (4,) are the feet's bits of
+        the last label. ``look`` gives the feet's estimated heights (4,) [m] above the ground. It
+        costs a run of the network, so it is asked only if a bit hangs on it.
 
-        A foot is touching if it presses now or did one policy step ago. The sensors cannot see
-        height, and a robot that is pushed unloads feet without lifting them: a foot is clear of the
-        ground if it bears no load and is high as well. Feet that are up already are not told clear
-        unless heights were asked for; their bits do not need it.
+        A foot is touching if it presses now or did one policy step ago. Forces do not tell height,
+        and a robot that is pushed unloads feet without lifting them: a foot is clear of the ground
+        if it bears no load and is high as well. Feet that are up already are not told clear unless
+        heights were asked for; their bits do not need it.
         """
-        measured = self.calibration
-        measured.walk(foot_force)
-        share = (foot_force - measured.unloaded) / measured.load
-        dead = measured.dead
-        pressed, clear = share > self._settings.touching, dead | (share < self._settings.clear)
-        lifted_perhaps = down & clear & ~self._before
-        if (dead | lifted_perhaps).any():
-            height = look()
-            pressed = np.where(dead, height < TOUCHING_HEIGHT, pressed)
-            clear &= height > CLEAR_HEIGHT
+        load = np.array(self._loads(state, gravity))
+        pressed = load > np.where(down | self._trusted, self._pressed, FIRM * self._pressed)
+        clear = load < self._clear
+        if (down & clear & ~self._before).any():
+            clear &= look() > CLEAR_HEIGHT
         else:
             clear = np.zeros_like(clear)
         touching = pressed | self._before
@@ -74,20 +102,56 @@ class FootContact:
         return touching, clear
 
     @property
-    def complaint(self) -> str | None:
+    def doubts(self) -> dict[str, str]:
+        """Per foot whose sensor is doubted: why."""
+        feet = zip(FEET, self.sensors, strict=False)
+        return {foot: sensor.doubt for foot, sensor in feet if sensor.doubt}
+
+    @property
+    def complaints(self) -> list[str]:
         """What the operator should know of the sensors."""
-        dead = self._dead_feet()
-        return f"dead foot sensors: {' '.join(dead)}; estimated heights stand in" if dead else None
+        return [
+            f"foot sensor {foot}: {doubt}; the leg's torques stand in"
+            for foot, doubt in self.doubts.items()
+        ]
+
+    def told(self, awaited: Sequence[tuple[int, bool]]) -> str:
+        """In words, which feet should be on the ground or off it, and what they read instead."""
+        feet = [
+            f"{FEET[foot]} {'on' if down else 'off'} the ground ({self._read(foot)})"
+            for foot, down in awaited
+        ]
+        return ", ".join(feet) or "no foot"
 
     def report(self) -> dict[str, Any]:
-        """Per foot, raw units: the reading in the air and what standing adds; and the dead ones."""
-        measured = self.calibration
+        """Per foot: what contact came from at the end, and what was learnt of the sensor."""
         return {
-            "unloaded": measured.unloaded.round(1).tolist(),
-            "load": measured.load.round(1).tolist(),
-            "dead": self._dead_feet(),
+            "contact_by": ["sensor" if trusted else "torque" for trusted in self._trusted],
+            "gain": [round(s.gain, 3) if s.trusted else None for s in self.sensors],
+            "bias": [round(s.bias, 1) if s.trusted else None for s in self.sensors],
+            "doubts": self.doubts,
         }
 
-    def _dead_feet(self) -> list[str]:
-        dead = self.calibration.dead
-        return [foot for foot, is_dead in zip(FEET, dead, strict=True) if is_dead]
+    def _read(self, foot: int) -> str:
+        force = f"{max(0.0, self._force[foot]):.0f} N by the leg's torques"
+        if not self.sensors:
+            return force
+        sensor, raw = self.sensors[foot], self._raw[foot]
+        if sensor.trusted:
+            return f"{raw} raw, {sensor.newtons(raw):.0f} N by the sensor; {force}"
+        return f"{raw} raw; {force}; its sensor {sensor.doubt or 'is not learnt yet'}"
+
+    def _loads(self, state: RobotState, gravity: Array) -> Sequence[float]:
+        """[N] on each foot, by the better source; the sensors learn from the other one."""
+        self._feel(state, gravity)
+        if not self.sensors:
+            return self._force
+        feet = zip(self.sensors, self._raw, self._force, strict=True)
+        loads = [sensor.walk(raw, force) for sensor, raw, force in feet]
+        self._trusted = [sensor.trusted for sensor in self.sensors]
+        return loads
+
+    def _feel(self, state: RobotState, gravity: Array) -> None:
+        self._force = self._legs.step(state.q, state.tau, gravity)
+        if self.sensors:
+            self._raw = state.foot_force.tolist()

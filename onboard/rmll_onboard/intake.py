@@ -29,7 +29,7 @@ class Intake:
     """What the wire itself knows to be wrong with the robot: on this one, nothing"""
     missing = ""
     """Who has not been heard yet, where several have to be"""
-    streams = Streams(accelerometer=True, rpy=True)
+    streams = Streams(accelerometer=True, rpy=True, feet=True)
     farewell = 0.5
     """[s] of damping datagrams at the end; the board then brakes by itself"""
 

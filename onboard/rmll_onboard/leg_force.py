@@ -1,4 +1,4 @@
-"""How hard each foot presses, from what the joints do: for robots without foot sensors."""
+"""How hard each foot presses, from what the joints of its leg do."""
 
 from math import cos, sin
 
@@ -14,65 +14,85 @@ _SHORTEST = 1_000_000
 """[ns] between two states; closer ones give no acceleration"""
 _STRAIGHT, _LEVEL = 1e-4, 1e-3
 """[m²], [m]: a leg that is stretched out, or level with its hip, carries without any torque"""
+_HIPS = range(0, 12, 3)
+"""Index of each leg's first joint"""
 
 
 class LegForce:
     """The vertical force of the ground on each foot, by the static law tau = -J^T f of a leg.
 
-    What a joint needs to accelerate itself is taken off its torque first: in a swing it is as
-    much as a light contact. Acceleration is the difference of two measured speeds. The legs'
-    weight and what the joints of a leg do to each other are left out; an error of a few newtons.
+    What the joints need to accelerate the leg is taken off their torques first: in a swing it is
+    as much as the robot's weight on a foot. Acceleration is the difference of two measured speeds.
+    Thigh and calf accelerate each other; the hip is alone. The leg's weight, and the forces of its
+    speeds, are left out: an error of a few newtons.
     """
 
     def __init__(self, robot: Robot) -> None:
-        leg = robot.leg
-        self._thigh, self._calf = leg.thigh, leg.calf
+        self._leg = robot.leg
         self._offsets = [
-            leg.hip_offset * (1 if foot.endswith("L") else -1) for foot in robot.foot_names
+            robot.leg.hip_offset * (1 if foot.endswith("L") else -1) for foot in robot.foot_names
         ]
-        self._inertia = np.tile(leg.inertia, len(robot.foot_names))
-        self._dq = np.zeros(len(robot.joint_names))
-        self._then: int | None = None
+        self._dq = self._dq_before = [0.0] * len(robot.joint_names)
+        self._then = self._then_before = -1
 
-    def step(self, now: int, q: Array, dq: Array, tau: Array, gravity: Array) -> Array:
-        """Forces (4,) [N], upwards positive, from a state measured at ``now`` [ns].
+    def turn(self, now: int, dq: Array) -> None:
+        """The joints' speeds (12,) [rad/s] of a state measured at ``now`` [ns]; of each new one."""
+        self._dq_before, self._dq = self._dq, dq.tolist()
+        self._then_before, self._then = self._then, now
 
-        ``q`` [rad], ``dq`` [rad/s] and ``tau`` [N·m] are (12,), ``gravity`` is the unit vector (3,)
-        in the base frame; all NaN in, all NaN out. A leg whose pose tells nothing gives 0.
+    def step(self, q: Array, tau: Array, gravity: Array) -> list[float]:
+        """Forces on the four feet [N], upwards positive, from the newest state.
+
+        ``q`` [rad] and ``tau`` [N·m] are (12,), ``gravity`` is the unit vector (3,) in the base
+        frame; all NaN in, all NaN out. A leg whose pose tells nothing gives 0.
         """
-        if self._then is not None and now - self._then >= _SHORTEST:
-            tau = tau - self._inertia * (dq - self._dq) * (NS / (now - self._then))
-        self._then = now
-        self._dq[:] = dq
-        return self.static(q, tau, gravity)
-
-    def static(self, q: Array, tau: Array, gravity: Array) -> Array:
-        """The same of joints that do not accelerate."""
+        passed = self._then - self._then_before
+        known = self._then_before >= 0 and passed >= _SHORTEST
+        rate = NS / passed if known else 0.0
         angles, torques, down = q.tolist(), tau.tolist(), gravity.tolist()
-        return np.array(
-            [
-                self._foot(offset, angles[first : first + 3], torques[first : first + 3], down)
-                for first, offset in zip(range(0, len(angles), 3), self._offsets, strict=True)
-            ]
-        )
+        return [
+            self._foot(first, offset, rate, angles, torques, down)
+            for first, offset in zip(_HIPS, self._offsets, strict=True)
+        ]
 
-    def _foot(self, offset: float, q: list[float], tau: list[float], gravity: list[float]) -> float:
+    def _foot(
+        self,
+        hip: int,
+        offset: float,
+        rate: float,
+        q: list[float],
+        tau: list[float],
+        gravity: list[float],
+    ) -> float:
         """One leg, in plain numbers: NumPy takes longer for so few.
 
         In the plane of thigh and calf, x forwards and z along it upwards, two torques give two
         components of the force; the hip's torque then gives the one across the plane.
         """
-        shin = q[1] + q[2]
-        calf_x, calf_z = -self._calf * sin(shin), -self._calf * cos(shin)
-        x, z = calf_x - self._thigh * sin(q[1]), calf_z - self._thigh * cos(q[1])
-        # tau_thigh = x fz - z fx, tau_calf = calf_x fz - calf_z fx
+        leg, dq, dq_before = self._leg, self._dq, self._dq_before
+        thigh, calf = hip + 1, hip + 2
+        side, swing, bend = q[hip], q[thigh], q[calf]
+        hip_rate = rate * (dq[hip] - dq_before[hip])
+        thigh_rate = rate * (dq[thigh] - dq_before[thigh])
+        calf_rate = rate * (dq[calf] - dq_before[calf])
+        shin = swing + bend
+        calf_x, calf_z = -leg.calf * sin(shin), -leg.calf * cos(shin)
+        x, z = calf_x - leg.thigh * sin(swing), calf_z - leg.thigh * cos(swing)
         bent = z * calf_x - x * calf_z
         if abs(bent) < _STRAIGHT or abs(z) < _LEVEL:
             return 0.0
-        force_x = (x * tau[2] - calf_x * tau[1]) / bent
-        force_z = (z * tau[2] - calf_z * tau[1]) / bent
+        bend_inertia = leg.bend_inertia * cos(bend)
+        both = leg.calf_on_thigh + bend_inertia
+        tau_hip = tau[hip] - leg.hip_inertia * hip_rate
+        tau_thigh = (
+            tau[thigh] - (leg.thigh_inertia + 2 * bend_inertia) * thigh_rate - both * calf_rate
+        )
+        tau_calf = tau[calf] - both * thigh_rate - leg.calf_inertia * calf_rate
+        # tau_thigh = x fz - z fx, tau_calf = calf_x fz - calf_z fx
+        force_x = (x * tau_calf - calf_x * tau_thigh) / bent
+        force_z = (z * tau_calf - calf_z * tau_thigh) / bent
         # tau_hip = z fy - offset fz
-        force_y = (tau[0] + offset * force_z) / z
-        down_y = gravity[1] * cos(q[0]) + gravity[2] * sin(q[0])
-        down_z = gravity[2] * cos(q[0]) - gravity[1] * sin(q[0])
+        force_y = (tau_hip + offset * force_z) / z
+        down_y = gravity[1] * cos(side) + gravity[2] * sin(side)
+        down_z = gravity[2] * cos(side) - gravity[1] * sin(side)
         return -(gravity[0] * force_x + down_y * force_y + down_z * force_z)

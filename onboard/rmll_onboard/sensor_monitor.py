@@ -53,6 +53,7 @@ _TURNED = 0.05
 """[rad] of motion; values that stay the same meanwhile are doubted"""
 _NEEDED = "orientation", "gyroscope", "joint angles", "joint speeds", "joint torques"
 """What policy and guard cannot do without"""
+_SPARE = "accelerometer", "rpy"
 
 
 class Streams(NamedTuple):
@@ -60,6 +61,7 @@ class Streams(NamedTuple):
 
     accelerometer: bool
     rpy: bool
+    feet: bool = False
 
 
 class SensorMonitor:
@@ -334,8 +336,7 @@ class Values:
         """What is told of a group that the robot needs"""
         self.spare: tuple[str, str] | None = None
         """The group, and what is told of it, of those that it can do without"""
-        spare = [name for name in Streams._fields if getattr(streams, name)]
-        self._names = [*_NEEDED, *spare]
+        self._names = [*_NEEDED, *(name for name in _SPARE if getattr(streams, name))]
         self._patience = safety.frozen_ms * 1e6
         groups = len(self._names)
         self._last = [b""] * groups

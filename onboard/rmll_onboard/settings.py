@@ -39,16 +39,10 @@ class Link(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Feet(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What tells a foot on the ground from one in the air."""
 
-    # a quarter of the A1's weight, at the about two raw units a newton that the thresholds of
-    # deployments (20 to 40) suggest; it may be wrong by a factor of two
-    load: Annotated[
-        float,
-        Meta(ge=1, le=10_000, description="raw units that standing adds to a foot; a first guess"),
-    ] = 60.0
     touching: Annotated[
-        Share, Meta(description="share of the foot's measured load; above it, it is in contact")
+        Share, Meta(description="share of a quarter of the weight; under more, it is in contact")
     ] = 0.2
-    clear: Annotated[Share, Meta(description="the same; below it, the foot bears no load")] = 0.12
+    clear: Annotated[Share, Meta(description="the same; under less, the foot bears no load")] = 0.12
 
     def __post_init__(self) -> None:
         if self.clear > self.touching:

@@ -19,9 +19,17 @@ class Leg:
     """[m]"""
     calf: float
     """[m] to the middle of the foot"""
-    inertia: tuple[float, float, float]
-    """[kg m²] that hip, thigh and calf each turn, the others held, in the standing pose; the
-    motor's own included"""
+    hip_inertia: float
+    """[kg m²] that the hip turns in the standing pose, the motor's own included"""
+    thigh_inertia: float
+    """[kg m²] that the thigh turns, with the calf at a right angle to it"""
+    calf_inertia: float
+    """[kg m²] that the calf turns"""
+    calf_on_thigh: float
+    """[kg m²] by which one of the two accelerates the other, with the calf at a right angle"""
+    bend_inertia: float
+    """[kg m²] that the cosine of the calf's angle adds to the line above, and twice to the thigh's:
+    the calf's mass times its middle's distance times the length of the thigh"""
 
 
 @dataclass(frozen=True)

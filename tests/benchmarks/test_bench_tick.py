@@ -203,7 +203,7 @@ def watch_stages(
             *((guard, "complaint"), (guard.obedience, "sent"), (daemon._action_guard, "complaint")),
             *((supervisor, "update"), (supervisor, "command"), (daemon, "_orders")),
         ],
-        "labels, automaton": [(daemon._feet, "step"), (controller._progress, "step")],
+        "labels, automaton": [(daemon.feet, "step"), (controller._progress, "step")],
         "observation": [(observation, "write")],
         "inference": [(controller._policy, "run")],
         "encode": [(daemon, "_encode")],

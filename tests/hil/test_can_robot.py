@@ -10,6 +10,7 @@ from rmll_onboard.a1_wire import MODE_BRAKE, MODE_SERVO, POS_STOP, MotorCommand,
 from rmll_onboard.can_frames import Frame, pack, unpack
 from rmll_onboard.can_settings import Actuator, Bus, Can, Imu, Model
 from rmll_onboard.can_wire import CanWire
+from rmll_onboard.leg_force import LegForce
 from rmll_onboard.mit_wire import ENTER, EXIT, Variant
 from rmll_onboard.settings import Link
 from rmll_robots import A1
@@ -239,7 +240,11 @@ def test_standing_feet_press_and_a_lifted_one_does_not(pair):
     tau[3:6] = 0.0  # FL
     pair.state.tau[:] = tau
     pair.tick()
-    np.testing.assert_allclose(pair.wire.state.foot_force, [60, 0, 60, 60], atol=3)
+    state = pair.wire.state
+    found = LegForce(A1).step(state.q, state.tau, np.array([0.0, 0, -1]))
+    np.testing.assert_allclose(found, [30, 0, 30, 30], atol=1.5)
+    assert not pair.wire.streams.feet
+    assert not state.foot_force.any()  # no raw units are made up
 
 
 def hostile() -> st.SearchStrategy[bytes]:

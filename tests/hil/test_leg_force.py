@@ -34,35 +34,57 @@ def test_a_force_on_a_foot_is_found_in_the_torques_that_hold_it(model, seed):
         mujoco.mj_jacSite(model, data, jacobian, None, model.site(f"{foot}_foot").id)
         tau -= jacobian.T @ force
     gravity = data.body("trunk").xmat.reshape(3, 3).T @ DOWN
-    found = LegForce(A1).static(q, tau[6:], gravity)
+    found = LegForce(A1).step(q, tau[6:], gravity)
     np.testing.assert_allclose(found, forces[:, 2], atol=1e-9)
 
 
-def test_the_leg_of_the_facts_has_the_models_inertia(model):
+@pytest.mark.parametrize("calf", [-1.0, -1.6, -2.3])
+def test_the_leg_of_the_facts_has_the_models_inertia(model, calf):
     data = mujoco.MjData(model)
-    data.qpos[3], data.qpos[7:] = 1.0, A1.stand_pose
+    data.qpos[3], data.qpos[7:] = 1.0, np.tile([0.0, 0.8, calf], 4)
     mujoco.mj_forward(model, data)
-    diagonal = np.zeros(12)
-    for joint in range(12):
+    inertia = np.zeros((3, 3))
+    for joint in range(3):
         unit, column = np.zeros(model.nv), np.zeros(model.nv)
         unit[6 + joint] = 1.0
         mujoco.mj_mulM(model, data, column, unit)
-        diagonal[joint] = column[6 + joint]
-    np.testing.assert_allclose(diagonal, np.tile(A1.leg.inertia, 4), atol=1e-4)
+        inertia[joint] = column[6:9]
+    leg = A1.leg
+    bend = leg.bend_inertia * np.cos(calf)
+    both = leg.calf_on_thigh + bend
+    planar = [[leg.thigh_inertia + 2 * bend, both], [both, leg.calf_inertia]]
+    np.testing.assert_allclose(inertia[1:, 1:], planar, atol=2e-4)
+    assert inertia[0, 0] == pytest.approx(leg.hip_inertia, rel=0.3)
 
 
-def test_what_a_joint_needs_to_accelerate_does_not_count():
-    force = LegForce(A1)
+def test_what_a_leg_needs_to_accelerate_does_not_count(model):
+    """A leg that swings, on a base that is held: its torques are those of no foot on the ground."""
+    data = mujoco.MjData(model)
+    acceleration = np.array([20.0, -150.0, 300.0])
+    data.qpos[3], data.qpos[7:] = 1.0, A1.stand_pose
+    mujoco.mj_forward(model, data)
+    column, needed = np.zeros(model.nv), np.zeros(model.nv)
+    needed[6:9] = acceleration
+    mujoco.mj_mulM(model, data, column, needed)
     tau = np.zeros(12)
-    tau[2] = A1.leg.inertia[2] * 100.0
-    force.step(0, A1.stand_pose, np.zeros(12), np.zeros(12), DOWN)
-    dq = np.zeros(12)
-    dq[2] = 0.5  # 100 rad/s² in 5 ms
-    found = force.step(5_000_000, A1.stand_pose, dq, tau, DOWN)
-    np.testing.assert_allclose(found, 0.0, atol=1e-9)
-    assert abs(force.static(A1.stand_pose, tau, DOWN)[0]) > 5.0
+    tau[:3] = column[6:9]
+    force, dq = LegForce(A1), np.zeros(12)
+    force.turn(0, dq)
+    dq[:3] = 0.005 * acceleration
+    force.turn(5_000_000, dq)
+    assert abs(force.step(A1.stand_pose, tau, DOWN)[0]) < 4.0
+    assert abs(LegForce(A1).step(A1.stand_pose, tau, DOWN)[0]) > 10.0
+
+
+def test_two_states_of_one_moment_give_no_acceleration():
+    force = LegForce(A1)
+    force.turn(0, np.zeros(12))
+    force.turn(10, np.ones(12))
+    tau = np.ones(12)
+    resting = LegForce(A1).step(A1.stand_pose, tau, DOWN)
+    assert force.step(A1.stand_pose, tau, DOWN) == resting
 
 
 def test_a_stretched_leg_tells_nothing():
     q = np.zeros(12)
-    assert LegForce(A1).static(q, np.ones(12), DOWN).tolist() == [0.0] * 4
+    assert LegForce(A1).step(q, np.ones(12), DOWN) == [0.0] * 4

@@ -1,7 +1,17 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
-from rmll_hil.sensors import FOOT_BIAS, FOOT_GAIN, QUIET, Noise, Sensors, roll_pitch_yaw
+from rmll_hil.sensors import (
+    FOOT_BIAS,
+    FOOT_GAIN,
+    QUIET,
+    FootUnits,
+    Noise,
+    Sensors,
+    roll_pitch_yaw,
+)
 from rmll_hil.world import load
 from rmll_robots import A1
 
@@ -100,3 +110,23 @@ def test_feet_drift_with_time(world) -> None:
 
 def test_an_overloaded_foot_saturates(world) -> None:
     assert (foot_forces(world, [1e6]) == 32767).all()
+
+
+def test_feet_have_the_units_that_are_asked_for(world) -> None:
+    units = FootUnits(gain=(1.0, 2.0, 5.0, 20.0), bias=(-500.0, 0.0, 100.0, 500.0), drift=20.0)
+    world.foot_load[:] = 30.0
+    sensors = Sensors(world, QUIET, np.random.default_rng(0), units)
+    for seconds in (1, 2, 3):
+        raw = sensors.read(MODE, 1000 * seconds).foot_force
+    expected = 30.0 * np.array(units.gain) + FOOT_BIAS + np.array(units.bias) + 60.0
+    np.testing.assert_allclose(raw, expected, atol=0.6)
+    np.testing.assert_allclose(sensors.feet.bias, FOOT_BIAS + np.array(units.bias) + 60.0)
+
+
+def test_the_feet_s_noise_grows_with_their_unit(world) -> None:
+    noise = dataclasses.replace(QUIET, foot_noise_share=0.05)
+    world.foot_load[:] = 30.0
+    sensors = Sensors(world, noise, np.random.default_rng(0), FootUnits((2.0, 5.0, 10.0, 20.0)))
+    raw = np.array([sensors.read(MODE, 2 * (k + 1)).foot_force for k in range(2000)])
+    usual = A1.mass * 9.81 / 4
+    np.testing.assert_allclose(raw.std(axis=0), 0.05 * usual * sensors.feet.gain, rtol=0.06)

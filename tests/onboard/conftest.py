@@ -17,6 +17,7 @@ from rmll_onboard import a1_wire
 from rmll_onboard.a1_wire import RobotState
 from rmll_onboard.bundle import Bundle, load_bundle
 from rmll_onboard.controller import Controller, Sensed
+from rmll_onboard.leg_force import LegForce
 from rmll_onboard.policy import open_session
 from rmll_onboard.settings import Link, Motion, Safety, Settings, Steering
 from rmll_robots import A1
@@ -164,7 +165,11 @@ class KinematicRobot:
         state.gyro[:] = 0.001 * (state.tick % 11)
         state.quaternion[:] = 1.0, 1e-5 * (state.tick % 13), 0.0, 0.0
         label = TROT[self.state.tick // 160 % 2] if command.kp[0] == A1.kp else 15
-        self.state.foot_force[:] = [100 * (label >> foot & 1) for foot in range(4)]
+        down = np.array([label >> foot & 1 for foot in range(4)])
+        self.state.foot_force[:] = 100 * down
+        # a calf's torque alone can tell a load, and moves nothing: there is no physics
+        newtons = LegForce(A1).step(self.state.q, np.tile([0.0, 0, 1], 4), np.array([0.0, 0, -1]))
+        self.state.tau[2::3] = 15.0 * down / newtons
         return a1_wire.encode_state(self.state)
 
     @property

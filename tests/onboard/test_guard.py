@@ -5,6 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rmll_gaits.load import load_gait
+from rmll_gaits.table import ADVANCE
 from rmll_onboard import a1_wire
 from rmll_onboard.a1_wire import MODE_SERVO, MotorCommand, RobotState
 from rmll_onboard.attitude import projected_gravity, roll_pitch
@@ -479,3 +481,15 @@ def test_a_gait_is_stuck_far_beyond_its_longest_dwell(bundle):
     monitor = GaitMonitor(bundle.table, factor=10)
     assert not monitor.stuck(phi=90, frequency=9)
     assert monitor.stuck(phi=91, frequency=9)
+
+
+def test_what_a_gait_awaits_is_what_its_nearest_edge_wants():
+    monitor = GaitMonitor(load_gait("trot"), factor=10)
+    table = load_gait("trot")
+    state = table.start
+    edges = [label for label in range(16) if table.effect[state, label] == ADVANCE]
+    assert all(monitor.awaited(state, label) == [] for label in edges)
+    (edge,) = edges
+    for foot in range(4):
+        assert monitor.awaited(state, edge ^ 1 << foot) == [(foot, bool(edge >> foot & 1))]
+    assert [foot for foot, _ in monitor.awaited(state, edge ^ 15)] == [0, 1, 2, 3]

@@ -62,8 +62,17 @@ A1 = Robot(
     action_scale=0.25,
     # 2 rad away from the default pose: beyond it the motors are at their torque limit anyway
     action_clip=8.0,
-    # the older URDF's lengths; inertia: diagonal of a1.xml's mass matrix, armature included
-    leg=Leg(hip_offset=0.08505, thigh=0.2, calf=0.2, inertia=(0.0345, 0.0327, 0.0173)),
+    # the older URDF's lengths; inertias: of a1.xml's mass matrix, armature included
+    leg=Leg(
+        hip_offset=0.08505,
+        thigh=0.2,
+        calf=0.2,
+        hip_inertia=0.0345,
+        thigh_inertia=0.0319,
+        calf_inertia=0.0173,
+        calf_on_thigh=0.0071,
+        bend_inertia=0.006,
+    ),
     foot_radius=0.02,
     # sum of the older URDF's links, as in MuJoCo Menagerie's unitree_a1
     mass=12.453,
