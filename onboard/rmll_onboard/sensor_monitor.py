@@ -34,7 +34,7 @@ MEMORY = 0.25
 """[s] after which a disagreement of angles has faded to a third"""
 LYING, MOVING = 0.25, 2.0
 """[s] over which the accelerometer is averaged"""
-IN_A_WALK = 2.0
+IN_A_WALK = 3.0
 """So many times the limit of a lying robot, the accelerometer may be off in a walk"""
 REST = 0.25
 """[s] of states before they say how the robot lies"""
