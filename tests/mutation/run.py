@@ -18,6 +18,10 @@ MODULES = {
     "supervisor": "test_supervisor.py",
     "intake": "test_intake.py",
     "obedience": "test_obedience.py",
+    "sensor_monitor": "test_sensor_monitor.py",
+    "presence": "test_presence.py",
+    "remote": "test_remote.py",
+    "stop_sequence": "test_stop_sequence.py",
 }
 """Of onboard/rmll_onboard, and the test of each in tests/onboard"""
 PACKAGES = ("gait_specs/rmll_gaits", "robots/rmll_robots", "contract/rmll_contract")

@@ -319,6 +319,7 @@ def test_a_margin_is_kept_within_the_limit():
 def test_speed_power_and_heat_that_are_just_reached():
     def speed(bench, value):
         bench.state.dq[FR_CALF] = value
+        bench.joints_shiver[FR_CALF] = 0
 
     assert told(lambda bench: speed(bench, 20), joint_speed=20) is None
     assert told(lambda bench: speed(bench, 20.1), joint_speed=20) is not None

@@ -1,7 +1,9 @@
 """Which sensors are believed, and how soon one that is wrong is told."""
 
 from collections.abc import Callable
+from functools import cache
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -33,48 +35,60 @@ def product(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     )
 
 
+class Truth(NamedTuple):
+    """Of the 100 ticks of a swing, after which it begins anew."""
+
+    q: np.ndarray
+    dq: np.ndarray
+    quaternion: np.ndarray
+    gyro: np.ndarray
+    accelerometer: np.ndarray
+    rpy: np.ndarray
+
+
+def pose(swing: float, seconds: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Joint angles, orientations (4, ticks), and roll, pitch and yaw (3, ticks)."""
+    phases = 2 * pi * 2.0 * seconds[:, None] + np.arange(12)
+    rpy = swing / 3 * np.sin(phases[:, :3].T)
+    roll, pitch, yaw = (
+        np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis[:, None])])
+        for angle, axis in zip(rpy, np.eye(3), strict=True)
+    )
+    return A1.default_pose + swing * np.sin(phases), product(product(yaw, pitch), roll), rpy
+
+
+@cache
+def truth(swing: float) -> Truth:
+    """Sensors that agree: the rates are the derivatives of the angles."""
+    seconds, step = np.arange(100) * 0.005, 1e-5
+    q_later, later, _ = pose(swing, seconds + step)
+    q_before, before, _ = pose(swing, seconds - step)
+    q, quaternion, rpy = pose(swing, seconds)
+    turned = product(quaternion * [[1], [-1], [-1], [-1]], (later - before) / (2 * step))
+    w, x, y, z = quaternion
+    up = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), w * w + z * z - x * x - y * y])
+    dq = (q_later - q_before) / (2 * step)
+    return Truth(q, dq, quaternion.T, 2 * turned[1:].T, GRAVITY * up.T, rpy.T)
+
+
 class Body:
     """A base that rolls, pitches and yaws while its joints swing; every sensor tells the truth."""
 
     def __init__(self, swing: float = 0.3, streams: Streams = ALL, **safety: float):
         self.monitor = SensorMonitor(A1, Safety(**safety), streams, 1e-3)
-        self.swing = swing
-        """[rad] of the joints; the base turns by a third of it"""
+        self.truth = truth(swing)
+        """Joints swing by so many [rad], the base by a third of it"""
         self.ticks = 0
         self.change: Change = lambda state: None
         self.moving = swing > 0
-        self._yaw = 0.0
-
-    def _pose(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-        """Orientation and joint angles."""
-        wave = self.swing * np.sin(2 * pi * 2.0 * seconds + np.arange(12))
-        roll, pitch, yaw = self.swing / 3 * np.sin(2 * pi * 2.0 * seconds + np.arange(3))
-        turns = [
-            np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
-            for angle, axis in zip((yaw, pitch, roll), np.eye(3)[::-1], strict=True)
-        ]
-        self._rpy = np.array([roll, pitch, yaw])
-        return product(product(turns[0], turns[1]), turns[2]), A1.default_pose + wave
 
     def state(self) -> RobotState:
-        seconds, step = self.ticks * 0.005, 1e-5
-        later, q_later = self._pose(seconds + step)
-        before, q_before = self._pose(seconds - step)
-        quaternion, q = self._pose(seconds)
-        turned = product(quaternion * [1, -1, -1, -1], (later - before) / (2 * step))
-        w, x, y, z = quaternion
-        up = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), w * w + z * z - x * x - y * y])
         trembling = 1e-4 * (self.ticks % 7)
-        return RobotState(
-            q=q + trembling,
-            dq=(q_later - q_before) / (2 * step) + trembling,
-            tau=np.full(12, trembling),
-            quaternion=quaternion,
-            gyro=2 * turned[1:] + trembling,
-            accelerometer=GRAVITY * up + trembling,
-            rpy=self._rpy + trembling,
-            tick=self.ticks * 5 & 0xFFFFFFFF,
-        )
+        row = self.ticks % 100
+        now = Truth(*(rows[row] + trembling for rows in self.truth))
+        now = now._replace(quaternion=self.truth.quaternion[row].copy())
+        tau = np.full(12, trembling)
+        return RobotState(tau=tau, tick=self.ticks * 5 & 0xFFFFFFFF, **now._asdict())
 
     def tick(self) -> str | None:
         self.ticks += 1
