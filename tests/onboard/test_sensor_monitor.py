@@ -223,7 +223,7 @@ def test_values_of_a_robot_at_rest_may_stay_the_same() -> None:
     last = body.state()
 
     def change(state: RobotState) -> None:
-        sign = (-1) ** body.ticks  # both are the same orientation
+        sign = (-1) ** (body.ticks // 4)  # both are the same orientation
         state.quaternion[:] = sign * last.quaternion
         for name in ("q", "dq", "tau", "gyro", "accelerometer", "rpy"):
             getattr(state, name)[:] = getattr(last, name)
@@ -313,6 +313,27 @@ def test_what_a_walk_can_do_without_is_doubted(wrong: Change, sensor: str, told:
     assert body.monitor.doubt
     assert body.monitor.doubt[0] == sensor
     assert told in body.monitor.doubt[1]
+
+
+def test_streams_that_a_robot_has_not_are_not_looked_at() -> None:
+    body = Body(streams=Streams(False, False))
+    body.change = zero("accelerometer", "rpy")
+    for _ in range(400):
+        body.well(1)
+        assert body.monitor.doubt is None
+
+
+def test_an_accelerometer_is_averaged_for_longer_in_a_walk() -> None:
+    body = Body().well(800)
+    body.change = scaled("accelerometer", 0.01)
+    body.well(200)
+    assert body.monitor.doubt is None
+    body.well(300)
+    assert body.monitor.doubt is not None
+    body = Body(swing=0.0).well(800)
+    body.change = scaled("accelerometer", 0.01)
+    body.well(40)
+    assert body.monitor.unready(body.now) is not None
 
 
 def test_an_accelerometer_that_is_frozen_is_doubted() -> None:
@@ -647,6 +668,7 @@ def test_a_limit_that_is_just_reached_is_kept(limit: str, quantity: str) -> None
     monitor, _ = reached(quantity, **WIDE | {limit: value})
     assert monitor.unready(now) is None
     assert monitor.fault is None
+    assert monitor.doubt is None
     monitor, _ = reached(quantity, **WIDE | {limit: float(np.nextafter(value, 0))})
     assert monitor.unready(now) is not None
     assert (monitor.fault is not None) == (limit == "orientation_error")
