@@ -60,15 +60,15 @@ markers = ["fuzz: what comes from outside"]
 
 def undecorate(path: Path) -> None:
     """``@property`` before a function becomes ``name = property(name)`` after it, for mutmut leaves
-    out what is decorated."""
+    out what is decorated; caches go, for they remember what the code said before it was changed."""
     source = path.read_text()
     lines = source.splitlines(keepends=True)
     functions = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef)]
     for node in sorted(functions, key=lambda node: node.lineno, reverse=True):
-        if node.decorator_list:
-            (decorator,) = node.decorator_list
-            call = f"{ast.unparse(decorator)}({node.name})"
-            lines.insert(node.end_lineno or 0, f"{' ' * node.col_offset}{node.name} = {call}\n")
+        for decorator in node.decorator_list:
+            if ast.unparse(decorator) == "property":
+                text = f"{' ' * node.col_offset}{node.name} = property({node.name})\n"
+                lines.insert(node.end_lineno or 0, text)
             del lines[decorator.lineno - 1]
     path.write_text("".join(lines))
 
