@@ -473,6 +473,7 @@ def test_nothing_is_wrong_before_the_first_state() -> None:
     monitor = Body().monitor
     assert monitor.fault is None
     assert monitor.doubt is None
+    assert monitor.attitude.gravity_error == 0
     assert monitor.unready(0) == "no orientation: its quaternion has the length 0.00"
 
 
@@ -538,7 +539,8 @@ def test_a_gyroscope_is_integrated_in_any_orientation(random) -> None:
         for tick in range(4):
             state = RobotState(quaternion=quaternion, gyro=rate + (wrong if tick == 3 else 0))
             attitude.measure(dt if tick else 0.0, state)
-            quaternion = product(quaternion, turn(rate * dt))
+            # its other sign is the same orientation
+            quaternion = -product(quaternion, turn(rate * dt))
             if tick < 3:
                 assert attitude.drift < 1e-5
         # half of the last step was still told rightly
@@ -565,6 +567,11 @@ def test_rates_are_believed_up_to_what_a_base_can_do() -> None:
             attitude.measure(0.0, state)
             attitude.measure(0.005, state)
             assert attitude.drift == pytest.approx(taken * 0.005)
+            attitude = Attitude()
+            attitude.measure(0.0, state)
+            state.quaternion[:] = turn(np.eye(3)[axis] * np.copysign(taken, rate) * 0.005)
+            attitude.measure(0.005, state)
+            assert attitude.drift == pytest.approx(0, abs=1e-3)
 
 
 @pytest.mark.parametrize(("dt", "judged"), [(0.0125, True), (0.01251, False), (0.0, False)])
