@@ -107,7 +107,7 @@ class Safety(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ] = 0.2
     gravity_error: Annotated[
         float,
-        Meta(ge=0.2, le=20, description="[m/s2] the accelerometer may be off, lying; thrice, later"),
+        Meta(ge=0.2, le=20, description="[m/s2] the accelerometer may be off; thrice in a walk"),
     ] = 2.0
     rpy_error: Annotated[
         float,

@@ -164,12 +164,13 @@ class KinematicRobot:
         state.tau[:] = 0.01 * (state.tick % 3)
         state.gyro[:] = 0.001 * (state.tick % 11)
         state.quaternion[:] = 1.0, 1e-5 * (state.tick % 13), 0.0, 0.0
+        state.rpy[0] = 2e-5 * (state.tick % 13)
         label = TROT[self.state.tick // 160 % 2] if command.kp[0] == A1.kp else 15
         down = np.array([label >> foot & 1 for foot in range(4)])
         self.state.foot_force[:] = 100 * down
         # a calf's torque alone can tell a load, and moves nothing: there is no physics
         newtons = LegForce(A1).step(self.state.q, np.tile([0.0, 0, 1], 4), np.array([0.0, 0, -1]))
-        self.state.tau[2::3] = 15.0 * down / newtons
+        self.state.tau[2::3] = (15.0 * down / newtons).clip(-20, 20)
         return a1_wire.encode_state(self.state)
 
     @property
