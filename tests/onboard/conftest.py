@@ -149,6 +149,7 @@ class KinematicRobot:
     def __init__(self) -> None:
         self.state = RobotState(quaternion=np.array([1.0, 0, 0, 0]), q=A1.crouch_pose.copy())
         self.last: a1_wire.MotorCommand | None = None
+        self.orientation = np.array([1.0, 0.0, 0.0, 0.0])
 
     def answer(self, datagram: bytes) -> bytes:
         command = a1_wire.decode_command(datagram)
@@ -163,7 +164,8 @@ class KinematicRobot:
         state.accelerometer[:] = 0.01 * (state.tick % 7), 0.0, 9.81
         state.tau[:] = 0.01 * (state.tick % 3)
         state.gyro[:] = 0.001 * (state.tick % 11)
-        state.quaternion[:] = 1.0, 1e-5 * (state.tick % 13), 0.0, 0.0
+        state.quaternion[:] = self.orientation
+        state.quaternion[1] += 1e-5 * (state.tick % 13)
         state.rpy[0] = 2e-5 * (state.tick % 13)
         label = TROT[self.state.tick // 160 % 2] if command.kp[0] == A1.kp else 15
         down = np.array([label >> foot & 1 for foot in range(4)])

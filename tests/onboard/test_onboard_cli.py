@@ -163,7 +163,7 @@ def test_a_fault_is_reported_and_told(start, served):
     robot, address = served
     process = start("--robot-address", address, *BY_FLAGS, "--json")
     wait_until_walking(robot)
-    robot.state.quaternion[:] = [0, 1, 0, 0]
+    robot.orientation[:] = [0, 1, 0, 0]
     out, err = process.communicate(timeout=120)
     assert process.returncode == 1
     assert err.startswith("rmll-onboard: tilted")
