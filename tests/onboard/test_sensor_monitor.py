@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rmll_onboard.a1_wire import RobotState
-from rmll_onboard.sensor_monitor import GRAVITY, Attitude, SensorMonitor, Streams
+from rmll_onboard.sensor_monitor import GRAVITY, Attitude, Joints, SensorMonitor, Streams
 from rmll_onboard.settings import Safety
 from rmll_robots import A1
 
@@ -223,7 +223,7 @@ def test_values_of_a_robot_at_rest_may_stay_the_same() -> None:
     last = body.state()
 
     def change(state: RobotState) -> None:
-        sign = (-1) ** body.ticks  # both are the same orientation
+        sign = (-1) ** (body.ticks // 4)  # both are the same orientation
         state.quaternion[:] = sign * last.quaternion
         for name in ("q", "dq", "tau", "gyro", "accelerometer", "rpy"):
             getattr(state, name)[:] = getattr(last, name)
@@ -281,7 +281,21 @@ def test_a_joint_that_always_reads_the_same_is_told_in_a_walk_alone() -> None:
     assert joints.still(joints.still_ms) is None
     body.moving = False
     body.well(8)
-    assert body.monitor.joints.still(500) is None
+    assert joints.still_ms == 0
+    # in the next walk it counts from its beginning
+    body.moving = True
+    body.well(90)
+    assert joints.still(500) is None
+    body.well(30)
+    assert joints.still(500)
+
+
+@pytest.mark.parametrize("field", ["q", "dq"])
+def test_a_joint_is_still_only_if_neither_angle_nor_speed_changes(field: str) -> None:
+    body = Body(speed_error=1000).well()
+    body.change = lambda state: getattr(state, field).__setitem__(4, 0.5)
+    body.well(200)
+    assert body.monitor.joints.still_ms < 100
 
 
 @pytest.mark.parametrize(("field", "joint"), [("gyro", 0), ("gyro", 2), ("dq", 0), ("dq", 11)])
@@ -313,6 +327,27 @@ def test_what_a_walk_can_do_without_is_doubted(wrong: Change, sensor: str, told:
     assert body.monitor.doubt
     assert body.monitor.doubt[0] == sensor
     assert told in body.monitor.doubt[1]
+
+
+def test_streams_that_a_robot_has_not_are_not_looked_at() -> None:
+    body = Body(streams=Streams(False, False))
+    body.change = zero("accelerometer", "rpy")
+    for _ in range(400):
+        body.well(1)
+        assert body.monitor.doubt is None
+
+
+def test_an_accelerometer_is_averaged_for_longer_in_a_walk() -> None:
+    body = Body().well(800)
+    body.change = scaled("accelerometer", 0.01)
+    body.well(200)
+    assert body.monitor.doubt is None
+    body.well(300)
+    assert body.monitor.doubt is not None
+    body = Body(swing=0.0).well(800)
+    body.change = scaled("accelerometer", 0.01)
+    body.well(40)
+    assert body.monitor.unready(body.now) is not None
 
 
 def test_an_accelerometer_that_is_frozen_is_doubted() -> None:
@@ -428,6 +463,19 @@ def test_a_clock_is_judged_after_half_a_second() -> None:
     assert "link.tick_us" in (body.monitor.unready(body.now) or "ready")
 
 
+def test_what_moved_while_the_clock_was_set_anew_is_not_judged() -> None:
+    body = Body(swing=0.5).well()
+    body.ticks += 1037
+    body.well(100)
+
+
+def test_nothing_is_wrong_before_the_first_state() -> None:
+    monitor = Body().monitor
+    assert monitor.fault is None
+    assert monitor.doubt is None
+    assert monitor.unready(0) == "no orientation: its quaternion has the length 0.00"
+
+
 def test_a_clock_set_anew_at_the_second_state() -> None:
     body = Body(swing=0.0)
     body.tick()
@@ -526,6 +574,11 @@ def test_what_lies_too_far_apart_is_not_judged(dt: float, judged: bool) -> None:
     attitude.measure(0.0, state)
     attitude.measure(dt, state)
     assert (attitude.drift > 0) is judged
+    joints = Joints(A1)
+    joints.measure(0.0, state)
+    state.dq[:] = 1.0
+    joints.measure(dt, state)
+    assert (joints.drift > 0) is judged
 
 
 def test_roll_pitch_and_yaw_are_one_orientation(random) -> None:
@@ -565,6 +618,9 @@ def test_an_accelerometer_is_averaged(seconds: float) -> None:
                 attitude.measure(0.005, state)
             attitude.weigh(np.array([0, 0, felt]), seconds)
 
+    attitude.measure(0.0, state)
+    attitude.weigh(np.zeros(3), seconds)
+    assert attitude.gravity_error == 0  # no time, no reading
     weigh(1, GRAVITY - 3)
     assert attitude.gravity_error == pytest.approx(3)
     weigh(1, GRAVITY)
@@ -575,9 +631,10 @@ def test_an_accelerometer_is_averaged(seconds: float) -> None:
     assert attitude.gravity_error == pytest.approx(0, abs=1e-3)
     weigh(round(seconds / 0.02), GRAVITY - 3)
     assert attitude.gravity_error == pytest.approx(3 * (1 - np.exp(-1)), rel=0.05)
-    assert attitude.gravity_text().startswith(
-        "the accelerometer's mean is 7.91 m/s², expected 9.81"
-    )
+    assert attitude.gravity_text() == "the accelerometer's mean is 7.91 m/s², expected 9.81"
+    attitude.measure(9.0, state)  # all that came before is older than what is averaged
+    attitude.weigh(np.array([0, 0, GRAVITY - 5]), seconds)
+    assert attitude.gravity_error == pytest.approx(5)
 
 
 def test_angle_and_speed_are_compared_to_the_last_digit() -> None:
@@ -602,14 +659,17 @@ def test_angle_and_speed_are_compared_to_the_last_digit() -> None:
 
 def test_a_joint_is_not_faster_than_it_can_be() -> None:
     limit = 1.5 * A1.velocity_limit
-    for speed, taken in ((limit - 1, limit - 1), (limit + 5, limit), (-1e6, limit)):
+    for speed, taken in ((limit - 1, limit - 1), (limit + 5, limit), (-1e6, -limit)):
         body = Body(swing=0.0, speed_error=1000)
         body.change = scaled("dq", 0.0)
         body.well(200)
         body.change = lambda state, speed=speed: state.dq.__setitem__(3, speed)
-        before = body.monitor.joints.drift
         body.well(1)
-        assert body.monitor.joints.drift - before == pytest.approx(taken * 0.005 / 2, abs=2e-3)
+        joints = body.monitor.joints
+        assert joints.drift == pytest.approx(abs(taken) * 0.005 / 2, abs=2e-3)
+        sign = "-" if taken > 0 else "+"
+        told = f"{A1.joint_names[3]}: its angle moved by {sign}"
+        assert (joints.disagreement(0.0) or "").startswith(told)
 
 
 def reached(quantity: str, **limits) -> tuple[SensorMonitor, float]:
@@ -647,6 +707,7 @@ def test_a_limit_that_is_just_reached_is_kept(limit: str, quantity: str) -> None
     monitor, _ = reached(quantity, **WIDE | {limit: value})
     assert monitor.unready(now) is None
     assert monitor.fault is None
+    assert monitor.doubt is None
     monitor, _ = reached(quantity, **WIDE | {limit: float(np.nextafter(value, 0))})
     assert monitor.unready(now) is not None
     assert (monitor.fault is not None) == (limit == "orientation_error")
