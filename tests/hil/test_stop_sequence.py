@@ -30,8 +30,6 @@ Flags = NDArray[np.bool_]
 Signals = tuple[Flags, Flags]
 
 POLICIES = Path(__file__).parents[2] / "policies"
-SETTINGS = onboard.Settings(motion=MOTION, safety=onboard.Safety(stuck=2.0))
-"""Of docs/stopping.md's table; half bounds that are told later fall more often"""
 GAITS = ("trot", "pace", "bound", "half_bound")
 SPEED = 1.0
 """[m/s]"""
@@ -44,6 +42,8 @@ NUMB = (
 )
 """``touching`` and ``clear`` of feet that feel nothing: neither ever, always down, always up"""
 MOTION = Motion(crouch=0.3, rise=0.6, settle=0.2, sit=0.5)
+SETTINGS = onboard.Settings(motion=MOTION, safety=onboard.Safety(stuck=2.0))
+"""Of docs/stopping.md's table; half bounds that are told later fall more often"""
 
 
 @dataclass(frozen=True)
