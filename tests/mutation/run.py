@@ -31,7 +31,7 @@ LEAST = 0.9
 """Share that has to be killed, of each file"""
 
 
-def prepare(folder: Path, modules: list[str]) -> None:
+def prepare(folder: Path, module: str) -> None:
     """A copy of what is needed, laid out as mutmut wants it: packages in src, tests in tests."""
     shutil.rmtree(folder, ignore_errors=True)
     ignored = shutil.ignore_patterns("__pycache__")
@@ -39,15 +39,14 @@ def prepare(folder: Path, modules: list[str]) -> None:
         path = ROOT / package
         shutil.copytree(path, folder / "src" / path.name, ignore=ignored)
     (folder / "tests").mkdir()
-    for name in ("conftest.py", *(MODULES[module] for module in modules)):
+    for name in ("conftest.py", MODULES[module]):
         shutil.copy(ROOT / "tests" / "onboard" / name, folder / "tests")
-    for module in modules:
-        undecorate(folder / "src" / "rmll_onboard" / f"{module}.py")
-    only = [f"src/rmll_onboard/{module}.py" for module in modules]
+    mutated = f"src/rmll_onboard/{module}.py"
+    undecorate(folder / mutated)
     (folder / "pyproject.toml").write_text(
         f"""[tool.mutmut]
 source_paths = ["src"]
-only_mutate = {only}
+only_mutate = ["{mutated}"]
 pytest_add_cli_args = ["-p", "no:cacheprovider", "-m", "not fuzz"]
 pytest_add_cli_args_test_selection = ["tests"]
 use_git_change_detection = false
@@ -60,15 +59,15 @@ markers = ["fuzz: what comes from outside"]
 
 def undecorate(path: Path) -> None:
     """``@property`` before a function becomes ``name = property(name)`` after it, for mutmut leaves
-    out what is decorated."""
+    out what is decorated; caches go, for they remember what the code said before it was changed."""
     source = path.read_text()
     lines = source.splitlines(keepends=True)
     functions = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef)]
     for node in sorted(functions, key=lambda node: node.lineno, reverse=True):
-        if node.decorator_list:
-            (decorator,) = node.decorator_list
-            call = f"{ast.unparse(decorator)}({node.name})"
-            lines.insert(node.end_lineno or 0, f"{' ' * node.col_offset}{node.name} = {call}\n")
+        for decorator in node.decorator_list:
+            if ast.unparse(decorator) == "property":
+                text = f"{' ' * node.col_offset}{node.name} = property({node.name})\n"
+                lines.insert(node.end_lineno or 0, text)
             del lines[decorator.lineno - 1]
     path.write_text("".join(lines))
 
@@ -78,30 +77,36 @@ def mutmut(folder: Path, *words: str) -> str:
     return subprocess.run(command, cwd=folder, stdout=subprocess.PIPE, text=True, check=True).stdout
 
 
+def judge(folder: Path, module: str) -> tuple[Counter[str], list[str]]:
+    """How many mutants of the module had which outcome, and those that survived, as differences."""
+    prepare(folder, module)
+    mutmut(folder, "run")
+    outcomes: Counter[str] = Counter()
+    survivors = []
+    for line in mutmut(folder, "results", "--all", "true").splitlines():
+        name, colon, outcome = line.strip().partition(": ")
+        if colon:
+            outcomes[outcome] += 1
+            if outcome not in KILLED:
+                survivors.append(f"# {name}: {outcome}\n{mutmut(folder, 'show', name)}")
+    return outcomes, survivors
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("modules", nargs="*", default=list(MODULES), choices=[[], *MODULES])
     parser.add_argument("--out", type=Path, default=Path("mutation"), help="scratch folder")
     chosen = parser.parse_args()
     folder = chosen.out.resolve()
-    prepare(folder, chosen.modules)
-    mutmut(folder, "run")
-    outcomes: dict[str, Counter[str]] = {module: Counter() for module in chosen.modules}
-    survivors = []
-    for line in mutmut(folder, "results", "--all", "true").splitlines():
-        name, colon, outcome = line.strip().partition(": ")
-        module = name.split(".")[1] if colon else ""
-        if module in outcomes:
-            outcomes[module][outcome] += 1
-            if outcome not in KILLED:
-                survivors.append(f"# {name}: {outcome}\n{mutmut(folder, 'show', name)}")
-    (folder / "survivors.txt").write_text("\n".join(survivors))
-    low = []
-    for module, counts in outcomes.items():
+    low, survivors = [], []
+    for module in chosen.modules:
+        counts, survived = judge(folder / module, module)
+        survivors += survived
         killed, total = sum(counts[outcome] for outcome in KILLED), counts.total()
-        print(f"{module:16} {killed} of {total} killed, {killed / max(total, 1):.1%}")
+        print(f"{module:16} {killed} of {total} killed, {killed / max(total, 1):.1%}", flush=True)
         if killed < LEAST * total or not total:
             low.append(module)
+    (folder / "survivors.txt").write_text("\n".join(survivors))
     print(f"survivors: {folder / 'survivors.txt'}")
     if low:
         sys.exit(f"less than {LEAST:.0%} killed: {', '.join(low)}")

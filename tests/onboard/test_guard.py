@@ -461,6 +461,14 @@ def test_a_sensor_that_a_walk_can_do_without_is_told_once():
     assert "accelerometer" in bench.guard.warnings[1]
 
 
+def test_sensors_are_told_whether_the_robot_moves():
+    bench = Bench().well(100)
+    assert bench.guard.sensors.unready(bench.now) == "no 0.25 s of states in a row yet"
+    bench.moving = bench.walking = False
+    bench.well(100)
+    assert bench.guard.sensors.unready(bench.now) is None
+
+
 def test_sensors_may_disagree_for_as_long_as_a_joint_may_be_hot():
     """Not at once, for one wrong reading is no blind robot."""
 
