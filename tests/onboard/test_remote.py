@@ -105,3 +105,9 @@ def test_left_stick_up_is_forward_and_right_stick_left_turns_left():
 def test_only_l2_and_b_together_stop(buttons):
     assert not Remote(buttons).emergency_stop
     assert Remote(buttons | Button.L2 | Button.B).emergency_stop
+
+
+@pytest.mark.parametrize(("sent", "read"), [(1.5, 1.0), (-1.5, -1.0), (1.0, 1.0), (-1.0, -1.0)])
+def test_a_stick_beyond_its_end_is_at_its_end(sent: float, read: float) -> None:
+    decoded = remote.decode(remote.encode(Remote(lx=sent, ly=sent, rx=sent, ry=sent)))
+    assert (decoded.lx, decoded.ly, decoded.rx, decoded.ry) == (read,) * 4
