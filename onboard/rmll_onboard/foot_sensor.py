@@ -125,7 +125,7 @@ class FootSensor:
         self._sums = (0.0,) * 10
         self._drift = 0.0
         self._in_air = self._under_load = self._noise = self._noise_weight = 0.0
-        self._lifted = self._excited = self._looked = False
+        self._lifted = self._untouched = self._excited = self._looked = False
         self._still = self._last = self._against = self._wild = 0
         self._follows = 0.0
 
@@ -184,13 +184,16 @@ class FootSensor:
         """Count where reading and torques contradict each other."""
         pressed = self.newtons(raw) > self._pressed
         before, self._lifted = self._lifted, force < self._lifted_below
+        untouched, self._untouched = self._untouched, not pressed
         if before and self._lifted:
             self._against += pressed
             self._in_air += _IN_AIR_RATE * (pressed - self._in_air)
-            # a difference has the noise of two readings
-            jump = min(abs(raw - self._last) / self.gain, 0.5 * self._usual)
-            self._noise += _IN_AIR_RATE * (0.5 * jump * jump - self._noise)
-            self._noise_weight += _IN_AIR_RATE * (1.0 - self._noise_weight)
+            # torques may miss the first moment of a touch, which is no noise
+            if untouched and not pressed:
+                # a difference has the noise of two readings
+                jump = (raw - self._last) / self.gain
+                self._noise += _IN_AIR_RATE * (0.5 * jump * jump - self._noise)
+                self._noise_weight += _IN_AIR_RATE * (1.0 - self._noise_weight)
         elif force > self._loaded_above:
             self._against += not pressed
             self._under_load += _UNDER_LOAD_RATE * (1 - pressed - self._under_load)

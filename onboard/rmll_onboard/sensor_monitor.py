@@ -250,9 +250,6 @@ class Attitude:
 class Joints:
     """Angles against speeds, and joints that always read the same. Arrays are (12,)."""
 
-    LOOK = 50_000_000
-    """[ns] from one look at what a joint reads to the next"""
-
     def __init__(self, robot: Robot) -> None:
         joints = len(robot.joint_names)
         self._names = robot.joint_names
@@ -269,7 +266,6 @@ class Joints:
         """[ms] that one joint of a walking robot has read the same"""
         self._seen = np.zeros((2, joints))
         self._moved = np.zeros(joints)  # [ns] when each joint last read something else
-        self._looked = 0  # [ns]
 
     @property
     def drift(self) -> float:
@@ -306,10 +302,9 @@ class Joints:
     def watch(self, now: int, state: RobotState, walking: bool) -> None:
         """Look now and then whether a walking robot's joints read what they read before."""
         if not walking:
-            self._looked, self.still_ms = now, 0.0
+            self.still_ms = 0.0
             self._moved[:] = now
-        elif now - self._looked >= self.LOOK:
-            self._looked = now
+        else:
             q, dq = self._seen
             self._moved[(state.q != q) | (state.dq != dq)] = now
             q[:], dq[:] = state.q, state.dq

@@ -66,7 +66,7 @@ def test_a_hurried_trot_is_told_in_time_which_feet_are_in_the_air() -> None:
     holds(walk(Feet(), seconds=6.0, frequency=6), 0.98)
 
 
-@pytest.mark.parametrize("gain", [0.2, 0.5, 0.8, 1.0, 5.0, 20.0])
+@pytest.mark.parametrize("gain", [0.2, 0.8, 20.0])
 def test_the_units_size_decides_nothing(gain, monkeypatch) -> None:
     """As tests outside this project set it."""
     monkeypatch.setattr(sensors, "FOOT_GAIN", gain)
@@ -83,8 +83,10 @@ UNITS = {
 }
 
 
-@pytest.mark.parametrize("gait", ["trot", "pronk", "rotary_gallop"])
-@pytest.mark.parametrize("case", UNITS)
+@pytest.mark.parametrize(
+    ("case", "gait"),
+    [*((case, "trot") for case in UNITS), ("low", "rotary_gallop"), ("rising", "pronk")],
+)
 def test_a_sensor_of_any_unit_is_learnt(case, gait) -> None:
     units = UNITS[case]
     outcome = walk(Feet(units=units, noise=Noise(foot_force=0.0, foot_noise_share=0.05)), gait)
@@ -147,9 +149,17 @@ def dying(feet: list[int], value: float, since: float = 0.0) -> Change:
     return change
 
 
-@pytest.mark.parametrize("value", [0, 60, 32767, -32768])
-@pytest.mark.parametrize("feet", [[2], [0, 1, 2, 3]], ids=["one", "all"])
-@pytest.mark.parametrize("since", [0.0, 6.0], ids=["at once", "walking"])
+@pytest.mark.parametrize(
+    ("value", "feet", "since"),
+    [
+        (0, [2], 0.0),
+        (60, [2], 6.0),
+        (0, [0, 1, 2, 3], 6.0),
+        (60, [0, 1, 2, 3], 0.0),
+        (32767, [0, 1, 2, 3], 0.0),
+        (-32768, [0, 1, 2, 3], 6.0),
+    ],
+)
 def test_a_dead_sensor_is_named_and_the_walk_holds(value, feet, since) -> None:
     outcome = walk(Feet(dying(feet, value, since)), seconds=6.0)
     holds(outcome, 0.9)

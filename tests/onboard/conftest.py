@@ -149,6 +149,7 @@ class KinematicRobot:
     def __init__(self) -> None:
         self.state = RobotState(quaternion=np.array([1.0, 0, 0, 0]), q=A1.crouch_pose.copy())
         self.last: a1_wire.MotorCommand | None = None
+        self.orientation = np.array([1.0, 0.0, 0.0, 0.0])
 
     def answer(self, datagram: bytes) -> bytes:
         command = a1_wire.decode_command(datagram)
@@ -163,13 +164,15 @@ class KinematicRobot:
         state.accelerometer[:] = 0.01 * (state.tick % 7), 0.0, 9.81
         state.tau[:] = 0.01 * (state.tick % 3)
         state.gyro[:] = 0.001 * (state.tick % 11)
-        state.quaternion[:] = 1.0, 1e-5 * (state.tick % 13), 0.0, 0.0
+        state.quaternion[:] = self.orientation
+        state.quaternion[1] += 1e-5 * (state.tick % 13)
+        state.rpy[0] = 2e-5 * (state.tick % 13)
         label = TROT[self.state.tick // 160 % 2] if command.kp[0] == A1.kp else 15
         down = np.array([label >> foot & 1 for foot in range(4)])
         self.state.foot_force[:] = 100 * down
         # a calf's torque alone can tell a load, and moves nothing: there is no physics
         newtons = LegForce(A1).step(self.state.q, np.tile([0.0, 0, 1], 4), np.array([0.0, 0, -1]))
-        self.state.tau[2::3] = 15.0 * down / newtons
+        self.state.tau[2::3] = (15.0 * down / newtons).clip(-20, 20)
         return a1_wire.encode_state(self.state)
 
     @property

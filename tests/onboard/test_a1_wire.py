@@ -56,7 +56,12 @@ states = st.builds(
     rpy=single(3),
     foot_force=hnp.arrays(np.int16, 4),
     tick=st.integers(0, 2**32 - 1),
-    remote=st.binary(min_size=40, max_size=40),
+    remote=st.builds(
+        lambda head, sticks, idle: head + struct.pack("<5f", *sticks) + idle,
+        st.binary(min_size=4, max_size=4),
+        st.lists(st.floats(-3, 3, width=32), min_size=5, max_size=5),
+        st.binary(min_size=16, max_size=16),
+    ),
 )
 
 

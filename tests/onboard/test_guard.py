@@ -36,7 +36,7 @@ class Bench:
             kd=np.full(12, A1.kd),
         )
         self.random = np.random.default_rng(0)
-        self.imu_shivers, self.joints_shiver = 1.0, np.full(12, 1e-6)
+        self.imu_shivers, self.joints_shiver, self.speeds_shiver = 1.0, np.full(12, 1e-6), 0.0
         self.now = 0
         self.walking = self.moving = self.obedient = True
         self.datagrams = lambda good: [good]
@@ -52,7 +52,7 @@ class Bench:
         state.gyro += self.imu_shivers * self.random.normal(0, 1e-4, 3)
         state.quaternion[3] += self.imu_shivers * self.random.normal(0, 1e-6)
         state.q += self.joints_shiver * self.random.normal(0, 1, 12)
-        state.dq += self.joints_shiver * self.random.normal(0, 1, 12)
+        state.dq += self.speeds_shiver * self.random.normal(0, 1, 12)
         if self.obedient:
             state.mode[:] = self.command.mode
             state.tau[:] = self.command.kp * (self.command.q - state.q)
@@ -191,6 +191,7 @@ def test_a_fault_is_noticed_in_time(break_it):
 )
 def test_what_is_brief_is_put_up_with(brief):
     bench = Bench().well()
+    bench.speeds_shiver = 1e-6
     healthy = bench.command
     for _ in range(20):
         brief(bench)
@@ -241,7 +242,7 @@ def test_time_lost_is_made_up_for():
 
 def test_a_damped_robot_has_no_deadlines():
     bench = Bench()
-    bench.moving = False
+    bench.moving = bench.walking = False
     bench.well()
     assert bench.tick(period=100 * PERIOD) is None
     bench.moving = True
@@ -380,6 +381,9 @@ def test_ages_are_exact():
     values_freeze(bench)
     bench.tick()
     assert bench.tick(period=100_000_010).endswith("have not changed for 100 ms")
+    bench = Bench(joint_still_ms=500 - 1e-4).well()
+    encoder_freeze(bench)
+    assert 100 <= bench.ticks_until_complaint()[0] <= 108
     bench = Bench(obedience_ms=100 - 5e-5).well()
     other_mode(bench)
     assert bench.ticks_until_complaint()[0] == 20

@@ -92,11 +92,11 @@ def test_after_a_stall_it_goes_on_with_the_next_deadline(daemon, robot, clock):
 
 
 def send_signals(*numbers):
-    """Something to keep ticks: sends this process signals, one each at the ticks from 100 on."""
+    """Something to keep ticks: sends this process signals, one each at the ticks from 200 on."""
     pending = list(numbers)
 
     def keep(tick):
-        if tick.number >= 100 and pending:
+        if tick.number >= 200 and pending:
             signal.raise_signal(pending.pop(0))
 
     return keep
@@ -111,8 +111,8 @@ def test_a_signal_sits_it_down(bundle, brisk, robot, clock, number):
     loop.run(5.0)
     assert (loop.stopped_by, daemon.fault, daemon.mode) == (number, None, Mode.DAMPING)
     # on the spot and down, a tenth of a second each, and half a second of damping
-    assert 1.1e9 < clock.now < 1.6e9
-    assert np.abs(robot.state.q - A1.crouch_pose).max() < 0.01
+    assert 1.6e9 < clock.now < 2.3e9
+    assert np.abs(robot.state.q - A1.crouch_pose).max() < 0.03
     assert signal.getsignal(number) is before
 
 
@@ -122,7 +122,7 @@ def test_a_second_signal_damps_at_once(bundle, brisk, robot, clock):
     loop = Loop(daemon, InProcess(robot, []), Realtime(), keep, clock=clock)
     loop.run(5.0)
     assert (loop.stopped_by, daemon.mode) == (signal.SIGINT, Mode.WALKING)
-    assert loop.report()["packets"]["sent"] == 102 + 100
+    assert loop.report()["packets"]["sent"] == 202 + 100
     assert robot.damped
 
 
@@ -203,9 +203,9 @@ def test_an_understudy_of_a_gait_that_only_walks_forwards(bundle, brisk):
 def test_an_understudy_plays_on_after_a_fault(bundle, brisk, robot):
     understudy = Understudy(bundle, brisk)
     for count, quaternion in enumerate(([0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])):
+        robot.answer(understudy.damping())
         robot.state.quaternion[:] = quaternion
-        state = robot.answer(understudy.damping())
-        understudy.rehearse(20_000_000 * (count + 1), [state])
+        understudy.rehearse(20_000_000 * (count + 1), [a1_wire.encode_state(robot.state)])
         assert understudy.policy_ran == (understudy.fault is None) == (count > 0)
 
 

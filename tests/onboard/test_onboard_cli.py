@@ -20,7 +20,7 @@ import yaml
 
 from rmll_onboard import a1_wire
 from rmll_onboard.flight_log import FlightLog
-from rmll_onboard.settings import Link, Safety
+from rmll_onboard.settings import Link
 from rmll_robots import A1
 
 BY_FLAGS = ("--vx", "0.5", "--frequency", "8")
@@ -54,7 +54,7 @@ def start(bundle_path, brisk, tmp_path):
     """Starts the command on the test's bundle and settings."""
     settings = tmp_path / "settings.yaml"
     # a busy machine is late, which is no fault of the robot's
-    safety = Safety(missed_ticks=400, stale_ms=1000, frozen_ms=5000)
+    safety = msgspec.structs.replace(brisk.safety, stale_ms=1000, frozen_ms=5000)
     link = Link(startup_timeout=30)
     patient = msgspec.structs.replace(brisk, safety=safety, link=link)
     settings.write_text(yaml.safe_dump(msgspec.to_builtins(patient)))
@@ -81,7 +81,7 @@ def test_it_walks_over_udp_and_reports(start, served, tmp_path):
     flags = (*BY_FLAGS, "--seconds", "1", "--record", str(log), "--json")
     process = start("--robot-address", address, *flags)
     out, err = process.communicate(timeout=120)
-    assert (process.returncode, err) == (0, "")
+    assert (process.returncode, err) == (0, ""), err
     report = json.loads(out)
     assert report["fault"] is None
     missed = report["timekeeping"]["missed"]  # four ticks a policy step
@@ -121,7 +121,7 @@ def test_a_program_leads(start, served, tmp_path):
         ask_until("sit", 0.0)
     process.send_signal(signal.SIGTERM)
     out, err = process.communicate(timeout=120)
-    assert (process.returncode, err) == (0, "")
+    assert (process.returncode, err) == (0, ""), err
     report = json.loads(out)
     assert report["fault"] is None
     assert report["policy_steps"] > 0
@@ -163,7 +163,7 @@ def test_a_fault_is_reported_and_told(start, served):
     robot, address = served
     process = start("--robot-address", address, *BY_FLAGS, "--json")
     wait_until_walking(robot)
-    robot.state.quaternion[:] = [0, 1, 0, 0]
+    robot.orientation[:] = [0, 1, 0, 0]
     out, err = process.communicate(timeout=120)
     assert process.returncode == 1
     assert err.startswith("rmll-onboard: tilted")
@@ -203,7 +203,7 @@ def test_a_busy_port_is_named(start, tmp_path):
 def test_check_tells_what_is_in_the_bundle(start):
     process = start("--check", "--json")
     out, err = process.communicate(timeout=120)
-    assert (process.returncode, err) == (0, "")
+    assert (process.returncode, err) == (0, ""), err
     contents = json.loads(out)
     assert contents["gait"] == "trot"
     assert contents["trace_steps"] == 40
@@ -258,7 +258,7 @@ def test_the_service_manager_hears_of_a_walk_and_people_how_well_it_kept_time(
         flags = (*BY_FLAGS, "--seconds", "0.2", "--report")
         process = start("--robot-address", served[1], *flags)
         out, err = process.communicate(timeout=120)
-        assert (process.returncode, err) == (0, "")
+        assert (process.returncode, err) == (0, ""), err
         words = [manager.recv(100).decode() for _ in range(3)]
         assert words == ["READY=1", "WATCHDOG=1", "STOPPING=1"]
     rows = [line.split()[:2] for line in out.splitlines()]
