@@ -96,7 +96,7 @@ def test_a_sensor_of_any_unit_is_learnt(case, gait) -> None:
     assert all("too noisy" in doubt for doubt in report["doubts"].values())
     assert len(report["doubts"]) <= (units.gain == 0.2)
     # creep makes the emulator's feet read up to a tenth more than their gain, which varies by one
-    for foot, gain in enumerate(np.broadcast_to(units.gain, 4)):
+    for foot, gain in enumerate(np.ones(4) * np.array(units.gain)):
         trusted = FEET[foot] not in report["doubts"]
         assert report["contact_by"][foot] == ("sensor" if trusted else "torque")
         assert not trusted or 0.8 * gain < report["gain"][foot] < 1.35 * gain
@@ -199,8 +199,8 @@ def test_too_noisy_a_sensor_is_named_and_the_walk_holds(gait) -> None:
 class Deaf(FootContact):
     """Feels no foot that comes down."""
 
-    def step(self, *arguments):
-        _, clear = super().step(*arguments)
+    def step(self, state, gravity, down, look):
+        _, clear = super().step(state, gravity, down, look)
         return np.zeros(4, bool), clear
 
 
