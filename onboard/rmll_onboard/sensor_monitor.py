@@ -235,7 +235,7 @@ class Attitude:
     def rpy_text(self) -> str:
         return (
             f"the orientation is not that of the board's own roll, pitch and yaw, by "
-            f"{2 * asin(min(1.0, self.rpy_error / 2)):.2f} rad; are the quaternion's parts in "
+            f"{2 * asin(self.rpy_error / 2):.2f} rad; are the quaternion's parts in "
             "another order?"
         )
 

@@ -131,10 +131,10 @@ class Safety(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     missed_ticks: Annotated[
         int, Meta(ge=1, le=400, description="ticks left out, less one for every four in time")
     ] = 20
-    # pushed on rough ground no walk waited for longer than 1.5; a half bound falls soon after 2
+    # pushed on rough ground, walks that then went on had waited for up to 2; see docs/stopping.md
     stuck: Annotated[
         float, Meta(ge=2, le=100, description="times c_f without a transition: it stands")
-    ] = 2.0
+    ] = 3.0
     remote_lost_ms: Annotated[
         float, Meta(ge=50, le=10_000, description="[ms] without the remote that leads: it sits")
     ] = 500.0

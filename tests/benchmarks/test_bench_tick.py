@@ -26,11 +26,12 @@ from onnxruntime import OrtValue
 from rmll_contract import observation
 from rmll_gaits.errors import Failure
 from rmll_onboard import realtime
-from rmll_onboard.a1_wire import LOW_CMD_LENGTH, MotorCommand, encode_command
+from rmll_onboard.a1_wire import LOW_CMD_LENGTH, MotorCommand, decode_state, encode_command
 from rmll_onboard.bundle import Bundle
 from rmll_onboard.daemon import Daemon
 from rmll_onboard.link import UdpLink
 from rmll_onboard.loop import Loop
+from rmll_onboard.sensor_monitor import SensorMonitor, Streams
 from rmll_onboard.settings import Realtime, Settings
 from rmll_onboard.understudy import Understudy
 
@@ -295,3 +296,19 @@ def test_tick_at_the_real_pace(
         told = "   ".join(f"{key} {value:.0f}" for key, value in values.items())
         print(f"\n{pace}: {name:12} {told} us", end="")
     print(f"\n{pace}: ratio {ratio:.2f}, resident memory {report['rss_mb']} MB", end="")
+
+
+def test_sensor_checks(benchmark, tell, bundle: Bundle, walk) -> None:
+    """What a packet's sensors cost: all of it, as in a tick; at most 15 us at p50."""
+    safety = Settings().safety
+    monitor = SensorMonitor(bundle.robot, safety, Streams(True, True, True), 1e-3)
+    states = [(tick.now, decode_state(tick.datagrams[-1])) for tick in walk if tick.datagrams]
+    took = []
+    for now, state in states:
+        began = time.perf_counter_ns()
+        monitor.measure(now, state, True, True)
+        told = monitor.fault, monitor.doubt, monitor.joints.still(safety.joint_still_ms)
+        took.append((time.perf_counter_ns() - began) / 1000)
+        assert told[0] is None
+    tell("sensor checks of a packet", took)
+    benchmark.pedantic(monitor.measure, args=(*states[-1], True, True), rounds=1)

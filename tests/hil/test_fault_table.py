@@ -73,10 +73,10 @@ def test_the_fault_waits_until_the_robot_has_walked(monkeypatch: pytest.MonkeyPa
     assert after_ms is not None and after_ms <= 10
 
 
-def test_a_robot_that_never_walks_is_told() -> None:
+def test_a_robot_that_never_stands_up_is_told() -> None:
     silent = {"fault": "network", "direction": "from_robot", "loss": 1.0}
     result = once(row("silent_board", plan=(silent,)))
-    assert result.reaction is Reaction.NEVER_WALKED
+    assert (result.reaction, result.as_expected) == (Reaction.REFUSES, False)
     assert "no answer from the robot" in result.told
 
 

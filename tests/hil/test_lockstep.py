@@ -58,7 +58,7 @@ def test_a_robot_that_is_knocked_over_has_fallen(standing: Path) -> None:
     emulator = Emulator()
 
     def kick(seconds: float) -> None:
-        if seconds > 4:
+        if seconds > 4.25:
             emulator.world.data.qvel[3] = 8.0  # roll
 
     loaded = load_bundle(standing)

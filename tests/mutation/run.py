@@ -6,6 +6,7 @@ docs/testing.md.
 """
 
 import argparse
+import ast
 import shutil
 import subprocess
 import sys
@@ -18,6 +19,10 @@ MODULES = {
     "supervisor": "test_supervisor.py",
     "intake": "test_intake.py",
     "obedience": "test_obedience.py",
+    "sensor_monitor": "test_sensor_monitor.py",
+    "presence": "test_presence.py",
+    "remote": "test_remote.py",
+    "stop_sequence": "test_stop_sequence.py",
 }
 """Of onboard/rmll_onboard, and the test of each in tests/onboard"""
 PACKAGES = ("gait_specs/rmll_gaits", "robots/rmll_robots", "contract/rmll_contract")
@@ -36,6 +41,8 @@ def prepare(folder: Path, modules: list[str]) -> None:
     (folder / "tests").mkdir()
     for name in ("conftest.py", *(MODULES[module] for module in modules)):
         shutil.copy(ROOT / "tests" / "onboard" / name, folder / "tests")
+    for module in modules:
+        undecorate(folder / "src" / "rmll_onboard" / f"{module}.py")
     only = [f"src/rmll_onboard/{module}.py" for module in modules]
     (folder / "pyproject.toml").write_text(
         f"""[tool.mutmut]
@@ -49,6 +56,21 @@ addopts = "--import-mode=importlib"
 markers = ["fuzz: what comes from outside"]
 """
     )
+
+
+def undecorate(path: Path) -> None:
+    """``@property`` before a function becomes ``name = property(name)`` after it, for mutmut leaves
+    out what is decorated."""
+    source = path.read_text()
+    lines = source.splitlines(keepends=True)
+    functions = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef)]
+    for node in sorted(functions, key=lambda node: node.lineno, reverse=True):
+        if node.decorator_list:
+            (decorator,) = node.decorator_list
+            call = f"{ast.unparse(decorator)}({node.name})"
+            lines.insert(node.end_lineno or 0, f"{' ' * node.col_offset}{node.name} = {call}\n")
+            del lines[decorator.lineno - 1]
+    path.write_text("".join(lines))
 
 
 def mutmut(folder: Path, *words: str) -> str:

@@ -266,6 +266,7 @@ def no_more_than(value):
 def told(change, ticks=1, **safety):
     """What a new bench says at the last of so many ticks with a change."""
     bench = Bench(patience=0, **safety)
+    bench.joints_shiver[:] = 0
     change(bench)
     for _ in range(ticks - 1):
         assert bench.tick() is None
@@ -291,18 +292,18 @@ def test_a_limit_that_is_just_reached_is_kept():
     assert told(roll_over, roll_limit=roll) is None
     assert told(roll_over, roll_limit=no_more_than(roll)).startswith("tilted")
 
-    def still_and_far(bench, walking):
+    def at_limit(bench, walking):
         near_joint(bench)
-        bench.joints_shiver[:] = 0
         bench.walking = walking
 
     bench = Bench()
-    still_and_far(bench, False)
+    bench.joints_shiver[:] = 0
+    at_limit(bench, False)
     bench.tick()
     middle, reach = (A1.joint_upper + A1.joint_lower) / 2, (A1.joint_upper - A1.joint_lower) / 2
     past = float((np.abs(bench.intake.state.q - middle) - reach)[FR_CALF])
-    far = lambda bench: still_and_far(bench, False)  # noqa: E731
-    near = lambda bench: still_and_far(bench, True)  # noqa: E731
+    far = lambda bench: at_limit(bench, False)  # noqa: E731
+    near = lambda bench: at_limit(bench, True)  # noqa: E731
     assert told(far, joint_beyond=past) is None
     assert told(far, joint_beyond=no_more_than(past)).endswith("0.07 rad past its limit")
     assert told(near, joint_margin=-past) is None
@@ -327,6 +328,7 @@ def test_speed_power_and_heat_that_are_just_reached():
     assert Bench().tick() is None
     for value, words in ((100, None), (100.1, "joint speeds that no joint can have")):
         bench = Bench(power=5000, torque_error=100)
+        bench.joints_shiver[:] = 0
         speed(bench, value)
         assert bench.tick() == words
 
@@ -437,6 +439,54 @@ def test_patience_counts_from_the_first_tick_and_back_by_one():
     bench.well(1)
     quick_joint(bench)
     assert bench.ticks_until_complaint()[0] == 3
+
+
+def test_a_sensor_that_a_walk_can_do_without_is_told_once():
+    bench = Bench()
+    bench.moving = bench.walking = False
+    bench.state.rpy[0] = 0.5
+    bench.well(10)
+    assert bench.guard.warnings == []
+    bench.moving = bench.walking = True
+    bench.well(10)
+    (told,) = bench.guard.warnings
+    assert told.startswith("the orientation is not that of the board's own roll, pitch and yaw")
+    bench.state.rpy[0] = 0.7  # another text of the same sensor
+    bench.well(10)
+    assert bench.guard.warnings == [told]
+    bench.imu_shivers = 0.0
+    bench.state.rpy[:], bench.state.accelerometer[:] = 0, [0, 0, -9.81]
+    bench.well(200)
+    assert len(bench.guard.warnings) == 2
+    assert "accelerometer" in bench.guard.warnings[1]
+
+
+def test_sensors_may_disagree_for_as_long_as_a_joint_may_be_hot():
+    """Not at once, for one wrong reading is no blind robot."""
+
+    def ticks(**safety):
+        bench = Bench(orientation_error=0.1, **safety).well()
+        bench.state.gyro[2] = 5.0
+        count, told = bench.ticks_until_complaint()
+        assert told.startswith("orientation and gyroscope disagree by ")
+        return count
+
+    assert ticks(patience=7) == ticks(patience=0) + 7
+
+
+@pytest.mark.parametrize(("limit", "least"), [(200, 40), (500, 100)])
+def test_a_joint_that_reads_the_same_in_a_walk_is_told_without_patience(limit, least):
+    """It is looked at every 50 ms, in one of four ticks."""
+    for patience in (0, 50):
+        bench = Bench(joint_still_ms=limit, patience=patience).well()
+        encoder_freeze(bench)
+        count, told = bench.ticks_until_complaint()
+        assert told.startswith("FR_calf_joint has read the same for ")
+        assert least < count <= least + 24
+    bench = Bench(joint_still_ms=limit)
+    bench.walking = False
+    encoder_freeze(bench)
+    bench.well(200)
 
 
 def test_what_was_measured_is_judged_once():

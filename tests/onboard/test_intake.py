@@ -106,7 +106,7 @@ def test_a_robot_whose_clock_runs_and_whose_measurements_do_not(intake):
 def test_what_is_lost_and_heard_is_counted():
     intake = Intake(Link())
     assert (intake.received, intake.lost, intake.rejected, intake.heard, intake.changed) == (0,) * 5
-    assert not intake.only_broken
+    assert intake.only_broken is False
     assert not intake.take(5 * MS, [], resting=True)
     assert (intake.lost, intake.only_broken) == (0, False)  # nothing can be lost yet
     assert intake.take(10 * MS, [state(7)], resting=True)
@@ -114,6 +114,21 @@ def test_what_is_lost_and_heard_is_counted():
     for count in range(1, 4):
         assert not intake.take((10 + count) * MS, [], resting=True)
         assert (intake.lost, intake.only_broken) == (count, False)
+
+
+def test_what_was_refused_is_told(intake):
+    assert intake.refusals == "refused: none"
+    for datagram in (state(1000), b"", state(1000), state(9000)):
+        intake.take(1001 * MS, [datagram], resting=False)
+    assert intake.refusals == "refused: 2 repeated, 1 length, 1 ahead of time"
+    intake.take(1001 * MS, [state(9000)], resting=False)
+    told = "refused: 2 repeated, 1 length, 2 ahead of time; is link.tick_us right?"
+    assert intake.refusals == told
+
+
+def test_a_count_of_the_clock_in_seconds():
+    assert Intake(Link()).tick_seconds == pytest.approx(1e-3)
+    assert Intake(Link(tick_us=1)).tick_seconds == pytest.approx(1e-6)
 
 
 def test_late_and_repeated_datagrams_are_refused_but_not_rejected(intake):

@@ -50,6 +50,23 @@ def test_held_without_a_tremble_for_too_long(lost, held):
     assert not lost(22, encode(Remote(ly=0.71)))
 
 
+def test_limits_are_exact():
+    """To the nanosecond, from the one at which the bytes came."""
+    for before, data, limit in (
+        (with_head(Remote()), NOTHING, 500_000_000),
+        (NOTHING, encode(Remote(ly=0.7)), 20_000_000_000),
+    ):
+        presence = Presence(Safety(remote_lost_ms=500, remote_still=20), DEADBAND)
+        presence.lost(0, before)
+        assert presence.lost(7, data) is False
+        assert presence.lost(7 + limit, data) is False
+        assert presence.lost(8 + limit, data) is True
+
+
+def test_a_remote_that_has_been_zero_from_the_first_is_not_lost(lost):
+    assert lost(9000, NOTHING) is False
+
+
 def test_a_hand_trembles(lost):
     assert not any(lost(second, encode(Remote(ly=0.7 + second % 2 * 1e-3))) for second in range(99))
 

@@ -53,7 +53,7 @@ def test_what_is_not_used_may_be_anything(place, value):
 @given(st.floats(-1, 1), st.floats(0, 0.5))
 def test_beyond_the_deadband_a_stick_still_reaches_everything(stick, deadband):
     way = remote.past(stick, deadband)
-    assert abs(way) <= abs(stick)
+    assert abs(way) <= abs(stick) + 1e-12
     assert (way != 0) <= (abs(stick) > deadband)
     assert remote.past(-stick, deadband) == -way
     assert remote.past(stick / 2, deadband) <= way or stick < 0
@@ -78,6 +78,21 @@ def test_fields_lie_where_the_sdk_puts_them():
     pressed = remote.decode(bytes(data))
     assert pressed.buttons == Button.START | Button.A
     assert (pressed.lx, pressed.rx, pressed.ry, pressed.ly) == pytest.approx((0.1, 0.2, 0.3, 0.4))
+
+
+def test_l2_is_sent_as_an_analog_key_too():
+    for buttons, value in ((Button.L2 | Button.A, 1.0), (Button.B, 0.0)):
+        assert struct.unpack_from("<f", remote.encode(Remote(buttons)), 16) == (value,)
+
+
+def test_a_stick_beyond_its_range_is_at_its_end():
+    data = struct.pack("<2xH5f16x", 0, 1.5, -1.5, 1e9, 0, -1e9)
+    assert remote.decode(data) == Remote(lx=1.0, rx=-1.0, ry=1.0, ly=-1.0)
+
+
+def test_a_stick_that_is_no_number_is_told():
+    with pytest.raises(ValueError, match=r"^a stick of the remote is nan$"):
+        remote.decode(struct.pack("<2xH5f16x", 0, 0, math.nan, 0, 0, 0))
 
 
 def test_left_stick_up_is_forward_and_right_stick_left_turns_left():

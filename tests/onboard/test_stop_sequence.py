@@ -80,6 +80,14 @@ def test_a_wish_to_sit_is_not_lost_to_a_gait_that_sticks_meanwhile(at):
     assert at(1.0, None).request is Request.SIT
 
 
+def test_a_stop_that_was_called_off_leaves_no_wish(at):
+    at(0.0, Request.SIT)
+    at(0.2, Request.WALK)
+    at(0.5, None, stuck=True)
+    assert at(1.4, None).request is None
+    assert at(1.5, None).request is Request.STAND
+
+
 def test_without_a_walk_all_wishes_pass_and_a_stop_is_forgotten(at):
     at(0.0, None, stuck=True)
     for mode in (mode for mode in Mode if mode is not Mode.WALKING):
