@@ -97,7 +97,7 @@ def test_touching_remembers_one_step_and_clear_does_not(by_torque):
     assert not step(by_torque, state(0))[0].any()
 
 
-def test_a_foot_in_the_air_is_felt_by_torque_only_when_it_is_firm(by_torque):
+def test_a_foot_in_the_air_is_felt_only_when_it_is_firm(by_torque):
     loads = [TOUCH + 1, FIRM * TOUCH + 1, TOUCH + 1, 0]
     down = np.array([False, False, True, False])
     assert step(by_torque, state(loads), HIGH, down)[0].tolist() == [False, True, True, False]
