@@ -51,7 +51,6 @@ class FootContact:
         self._before = np.zeros(len(FEET), bool)
         self._force: Sequence[float] = [0.0] * len(FEET)
         self._raw: Sequence[int] = ()
-        self._trusted = [False] * len(FEET)
 
     def reset(self) -> None:
         """A walk begins: forget the step before."""
@@ -126,8 +125,9 @@ class FootContact:
 
     def report(self) -> dict[str, Any]:
         """Per foot: what contact came from at the end, and what was learnt of the sensor."""
+        trusted = [sensor.trusted for sensor in self.sensors] or [False] * len(FEET)
         return {
-            "contact_by": ["sensor" if trusted else "torque" for trusted in self._trusted],
+            "contact_by": ["sensor" if by_sensor else "torque" for by_sensor in trusted],
             "gain": [round(s.gain, 3) if s.trusted else None for s in self.sensors],
             "bias": [round(s.bias, 1) if s.trusted else None for s in self.sensors],
             "doubts": self.doubts,
@@ -148,9 +148,7 @@ class FootContact:
         if not self.sensors:
             return self._force
         feet = zip(self.sensors, self._raw, self._force, strict=True)
-        loads = [sensor.walk(raw, force) for sensor, raw, force in feet]
-        self._trusted = [sensor.trusted for sensor in self.sensors]
-        return loads
+        return [sensor.walk(raw, force) for sensor, raw, force in feet]
 
     def _feel(self, state: RobotState, gravity: Array) -> None:
         self._force = self._legs.step(state.q, state.tau, gravity)
