@@ -54,22 +54,22 @@ def serve_command(
     """
     plan = load_plan(faults, A1) if faults else ()
     log = log and output_file("--log", log, "truth.npz", ".npz")
-    stop = Stop().on_signals()
     if link == "can":
-        _serve_can(robot, load_settings(settings).can, plan, stop, log)
+        _serve_can(robot, load_settings(settings).can, plan, log)
         return
-    with listen(host, port) as sock:
+    with Stop().on_signals() as stop, listen(host, port) as sock:
         emulator = Emulator(robot, plan=plan)
         print("listening on {}:{}".format(*sock.getsockname()), flush=True)
         realtime_factor = serve(emulator, sock, reply, stop)
     _told(emulator, realtime_factor, log)
 
 
-def _serve_can(robot: Settings, can: Can, plan: Plan, stop: Stop, log: Path | None) -> None:
+def _serve_can(robot: Settings, can: Can, plan: Plan, log: Path | None) -> None:
     if plan:
         raise InputError("--faults: a fault plan needs --link udp")
     wire = CanRobot(can, A1)
-    with closing(CanLink(can.buses, Layout(can, A1).commands())) as buses:
+    link = CanLink(can.buses, Layout(can, A1).commands())
+    with Stop().on_signals() as stop, closing(link) as buses:
         emulator = Emulator(robot, wire=wire)
         print(f"listening on {buses.name}", flush=True)
         realtime_factor = serve_can(emulator, buses, stop)

@@ -5,7 +5,8 @@ import select
 import signal
 import socket
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -39,11 +40,15 @@ class Stop:
     def __init__(self) -> None:
         self.wanted = False
 
-    def on_signals(self) -> "Stop":
-        """Set by SIGTERM and SIGINT from now on; returns itself."""
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, self._set)
-        return self
+    @contextmanager
+    def on_signals(self) -> Iterator["Stop"]:
+        """Set by SIGTERM and SIGINT inside; yields itself."""
+        before = {n: signal.signal(n, self._set) for n in (signal.SIGTERM, signal.SIGINT)}
+        try:
+            yield self
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
     def _set(self, *_: object) -> None:
         self.wanted = True

@@ -27,8 +27,8 @@ CLEAR_HEIGHT = 0.02
 """[m] of the estimator's foot heights. In training a foot is clear from 0.03 m on, but a gait whose
 feet never seem to be clear would stand still"""
 FIRM = 1.5
-"""So many times more than what counts as a touch has to be on a foot in the air, if torques tell
-it: they err by some newtons in a swing, and a pronk that feels one foot waits for its next leap"""
+"""So many times more than what counts as a touch has to be on a foot in the air: both sources err
+by some newtons in a swing, and a pronk that feels one foot waits for its next leap"""
 BORNE = 0.8, 1.2
 """Of the robot's weight, by torque: it stands on its feet, and not on its belly or in a person's
 hands"""
@@ -42,6 +42,7 @@ class FootContact:
         self._weight = robot.mass * GRAVITY
         self._load = self._weight / len(FEET)
         self._pressed, self._clear = settings.touching * self._load, settings.clear * self._load
+        self._firm = FIRM * self._pressed
         self._legs = LegForce(robot)
         self.sensors: Sequence[FootSensor] = [
             FootSensor(self._load, self._pressed, foot) for foot in range(len(FEET)) if sensors
@@ -50,7 +51,6 @@ class FootContact:
         self._before = np.zeros(len(FEET), bool)
         self._force: Sequence[float] = [0.0] * len(FEET)
         self._raw: Sequence[int] = ()
-        self._trusted = [False] * len(FEET)
 
     def reset(self) -> None:
         """A walk begins: forget the step before."""
@@ -91,7 +91,7 @@ class FootContact:
         heights were asked for; their bits do not need it.
         """
         load = np.array(self._loads(state, gravity))
-        pressed = load > np.where(down | self._trusted, self._pressed, FIRM * self._pressed)
+        pressed = load > np.where(down, self._pressed, self._firm)
         clear = load < self._clear
         if (down & clear & ~self._before).any():
             clear &= look() > CLEAR_HEIGHT
@@ -125,8 +125,9 @@ class FootContact:
 
     def report(self) -> dict[str, Any]:
         """Per foot: what contact came from at the end, and what was learnt of the sensor."""
+        trusted = [sensor.trusted for sensor in self.sensors] or [False] * len(FEET)
         return {
-            "contact_by": ["sensor" if trusted else "torque" for trusted in self._trusted],
+            "contact_by": ["sensor" if by_sensor else "torque" for by_sensor in trusted],
             "gain": [round(s.gain, 3) if s.trusted else None for s in self.sensors],
             "bias": [round(s.bias, 1) if s.trusted else None for s in self.sensors],
             "doubts": self.doubts,
@@ -147,9 +148,7 @@ class FootContact:
         if not self.sensors:
             return self._force
         feet = zip(self.sensors, self._raw, self._force, strict=True)
-        loads = [sensor.walk(raw, force) for sensor, raw, force in feet]
-        self._trusted = [sensor.trusted for sensor in self.sensors]
-        return loads
+        return [sensor.walk(raw, force) for sensor, raw, force in feet]
 
     def _feel(self, state: RobotState, gravity: Array) -> None:
         self._force = self._legs.step(state.q, state.tau, gravity)

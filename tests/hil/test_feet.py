@@ -208,7 +208,7 @@ def test_a_stuck_gait_says_whose_contact_it_awaited(monkeypatch) -> None:
     monkeypatch.setattr(daemon, "FootContact", Deaf)
     warnings = walk(Feet(dying([0, 3], 7)), seconds=6.0).report["warnings"]
     (stuck,) = {text for text in warnings if "stuck" in text}
-    assert stuck.startswith("the gait was stuck: 28 policy steps without a transition; awaited ")
+    assert " policy steps without a transition; awaited " in stuck
     assert "on the ground" in stuck
     assert "7 raw; " in stuck
     assert "N by the leg's torques" in stuck

@@ -10,6 +10,7 @@ from rmll_train.safety_limits import SafetyLimits
 from rmll_train.settings import World
 
 ENVS = 4
+LIMIT = Safety().stuck
 NO_ACTION = torch.zeros(ENVS, 12)
 
 
@@ -53,4 +54,4 @@ def test_wild_actions_and_a_stuck_gait_are_told() -> None:
         watched.observe(wild)
     action, stuck = watched.touched()
     assert action == "an action was 2.5 times its range, limit 2, in 1 of 4 walks"
-    assert stuck == "no transition came for 11 times c_f, limit 2, in 1 of 4 walks"
+    assert stuck == f"no transition came for 11 times c_f, limit {LIMIT:g}, in 1 of 4 walks"
