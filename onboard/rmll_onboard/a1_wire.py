@@ -12,6 +12,7 @@ from array import array
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,27 +172,50 @@ class RobotState:
     """The wireless remote, see :mod:`rmll_onboard.remote`"""
 
 
+class CommandEncoder:
+    """Encodes LowCmds one after the other, in one packet: new arrays would take as long again."""
+
+    def __init__(self, level: int = LOW_LEVEL) -> None:
+        self._packet = bytearray(_IDLE_COMMAND)
+        self._packet[0] = level
+        motor = np.frombuffer(self._packet, LOW_CMD)["motor"][0, :JOINTS]
+        self._mode = motor["mode"]
+        self._targets = motor["q"], motor["dq"]
+        self._counts = motor["tau"], motor["kp"], motor["kd"]
+        self._numbers = np.zeros((5, JOINTS))
+        self._sizes = np.zeros((5, JOINTS))
+
+    def encode(self, command: MotorCommand) -> bytes:
+        """LowCmd, see :func:`encode_command`."""
+        numbers, targets = self._numbers, self._numbers[:2]
+        numbers[0], numbers[1], numbers[2] = command.q, command.dq, command.tau
+        numbers[3], numbers[4] = command.kp, command.kd
+        # also false for what would round to infinity in 32 bits, and for NaN, the largest of all
+        if not np.abs(numbers, out=self._sizes).max() <= _FLOAT32_MAX:
+            raise ValueError(_NOT_FINITE)
+        self._mode[:] = command.mode
+        for field_, values in zip(self._targets, targets, strict=True):
+            field_[:] = values
+        for field_, counts in zip(
+            self._counts, _saturated(numbers[2:] * _COMMAND_SCALES), strict=True
+        ):
+            field_[:] = counts
+        return _sealed(bytes(self._packet))
+
+
 def encode_command(command: MotorCommand, level: int = LOW_LEVEL) -> bytes:
     """LowCmd. The unused slots 12 to 19 are left idle, as the SDK leaves them.
 
     Torque and gains beyond what the wire can carry saturate; they would wrap in the SDK.
     Raises ValueError if anything is not finite.
     """
-    numbers = np.array((command.q, command.dq, command.tau, command.kp, command.kd))
-    _require_finite(numbers)
-    packet = bytearray(_IDLE_COMMAND)
-    packet[0] = level
-    motor = np.frombuffer(packet, MOTOR_COMMAND, JOINTS, _MOTOR_OFFSET)
-    motor["mode"] = command.mode
-    motor["q"], motor["dq"] = numbers[:2]
-    motor["tau"], motor["kp"], motor["kd"] = _saturated(numbers[2:] * _COMMAND_SCALES)
-    return _sealed(bytes(packet))
+    return CommandEncoder(level).encode(command)
 
 
 def decode_command(datagram: bytes) -> MotorCommand:
     """Inverse of :func:`encode_command`; raises BadPacket."""
-    packet = _checked(datagram, LOW_CMD)
-    motor = packet["motor"][:JOINTS]
+    _check(datagram, LOW_CMD_LENGTH)
+    motor = np.frombuffer(datagram, LOW_CMD)["motor"][0, :JOINTS]
     command = MotorCommand(
         mode=motor["mode"].copy(),
         q=motor["q"].astype(np.float64),
@@ -200,14 +224,16 @@ def decode_command(datagram: bytes) -> MotorCommand:
         kp=motor["kp"] / KP_SCALE,
         kd=motor["kd"] / KD_SCALE,
     )
-    _refuse_unless_finite(command.q, command.dq)
+    if not np.isfinite((command.q, command.dq)).all():
+        raise BadPacket(Reason.NOT_FINITE)
     return command
 
 
 def encode_state(state: RobotState) -> bytes:
     """LowState. Integer fields saturate. Raises ValueError if anything is not finite."""
     imu = state.quaternion, state.gyro, state.accelerometer, state.rpy
-    _require_finite(state.q, state.dq, state.tau, *imu)
+    if not np.abs(np.concatenate((state.q, state.dq, state.tau, *imu))).max() <= _FLOAT32_MAX:
+        raise ValueError(_NOT_FINITE)
     packet = np.zeros((), LOW_STATE)
     packet["level"] = LOW_LEVEL
     packet["quaternion"] = state.quaternion
@@ -226,36 +252,58 @@ def encode_state(state: RobotState) -> bytes:
     return _sealed(packet.tobytes())
 
 
-def decode_state(datagram: bytes, out: RobotState | None = None) -> RobotState:
-    """Inverse of :func:`encode_state`, into the arrays of ``out`` if given; raises BadPacket.
+class StateDecoder:
+    """Decodes LowStates one after the other into one state, by one packet: new arrays would take
+    as long again."""
 
-    ``out`` is not touched by a bad packet.
-    """
-    packet = _checked(datagram, LOW_STATE)
-    motor, imu = packet["motor"][:JOINTS], np.frombuffer(datagram, "<f4", _IMU_SIZE, _IMU_OFFSET)
-    q, dq = motor["q"], motor["dq"]
-    _refuse_unless_finite(q, dq, imu)
-    remote = _sane_remote(packet["remote"].tobytes())
-    state = RobotState() if out is None else out
-    state.mode[:] = motor["mode"]
-    state.q[:] = q
-    state.dq[:] = dq
-    np.divide(motor["tau"], TAU_SCALE, out=state.tau)
-    state.temperature[:] = motor["temperature"]
-    # quaternion, gyroscope, accelerometer, roll pitch yaw; one after the other in the packet
-    state.quaternion[:] = imu[:4]
-    state.gyro[:] = imu[4:7]
-    state.accelerometer[:] = imu[7:10]
-    state.rpy[:] = imu[10:]
-    state.foot_force[:] = packet["foot_force"]
-    state.tick = int(packet["tick"])
-    state.remote = remote
-    return state
+    def __init__(self) -> None:
+        self.state = RobotState()
+        """The last good one; its arrays stay the same ones"""
+        self._packet = bytearray(LOW_STATE_LENGTH)
+        packet = np.frombuffer(self._packet, LOW_STATE)
+        motor = packet["motor"][0, :JOINTS]
+        # one after the other in the packet
+        imu = np.frombuffer(self._packet, "<f4", _IMU_SIZE, _IMU_OFFSET)
+        self._tau, self._tick, self._remote = motor["tau"], packet["tick"], packet["remote"]
+        self._numbers = motor["q"], motor["dq"], imu
+        state = self.state
+        self._copies = (
+            (state.q, motor["q"]),
+            (state.dq, motor["dq"]),
+            (state.quaternion, imu[:4]),
+            (state.gyro, imu[4:7]),
+            (state.accelerometer, imu[7:10]),
+            (state.rpy, imu[10:]),
+            (state.mode, motor["mode"]),
+            (state.temperature, motor["temperature"]),
+            (state.foot_force, packet["foot_force"][0]),
+        )
+
+    def decode(self, datagram: bytes) -> None:
+        """Into :attr:`state`, which a bad packet does not touch; raises BadPacket."""
+        _check(datagram, LOW_STATE_LENGTH)
+        self._packet[:] = datagram
+        # 64 bits hold the sum of any such numbers; infinity and NaN stay in it
+        if not isfinite(sum(sum(numbers.tolist()) for numbers in self._numbers)):
+            raise BadPacket(Reason.NOT_FINITE)
+        state = self.state
+        state.remote = _sane_remote(self._remote.tobytes())
+        state.tick = int(self._tick[0])
+        np.divide(self._tau, TAU_SCALE, out=state.tau)
+        for kept, came in self._copies:
+            kept[:] = came
+
+
+def decode_state(datagram: bytes) -> RobotState:
+    """Inverse of :func:`encode_state`; raises BadPacket."""
+    decoder = StateDecoder()
+    decoder.decode(datagram)
+    return decoder.state
 
 
 def check_state(datagram: bytes) -> None:
     """Raises BadPacket unless the datagram is a whole LowState; its numbers are not looked at."""
-    _checked(datagram, LOW_STATE)
+    _check(datagram, LOW_STATE_LENGTH)
 
 
 def peek_tick(datagram: bytes) -> int:
@@ -296,8 +344,6 @@ def _idle_command() -> bytes:
 
 
 _IDLE_COMMAND = _idle_command()
-_MOTOR_OFFSET = np.dtype(HEADER).itemsize
-"""In a command the motors come next"""
 
 
 def _sealed(packet: bytes) -> bytes:
@@ -305,35 +351,19 @@ def _sealed(packet: bytes) -> bytes:
     return body + crc(body[: protected(len(packet))]).to_bytes(4, "little")
 
 
-def _checked(datagram: bytes, kind: np.dtype) -> NDArray[np.void]:
-    if len(datagram) != kind.itemsize:
+def _check(datagram: bytes, length: int) -> None:
+    """Raises BadPacket unless the datagram is a whole packet of that kind."""
+    if len(datagram) != length:
         raise BadPacket(Reason.LENGTH)
     if datagram[0] != LOW_LEVEL:
         raise BadPacket(Reason.LEVEL)
-    body = datagram[: protected(len(datagram))]
-    if crc(body) != int.from_bytes(datagram[-4:], "little"):
+    if crc(datagram[: protected(length)]) != int.from_bytes(datagram[-4:], "little"):
         raise BadPacket(Reason.CRC)
-    return np.frombuffer(datagram, kind)[0]
 
 
 def _saturated(counts: NDArray) -> NDArray:
     # the cast to int16 that follows truncates towards zero, as the SDK does
     return np.minimum(np.maximum(counts, -32768), 32767)
-
-
-def _finite(arrays: tuple[NDArray, ...]) -> bool:
-    # also false for what would round to infinity in 32 bits, and for NaN, the largest of all
-    return bool(np.abs(np.concatenate(arrays)).max() <= _FLOAT32_MAX)
-
-
-def _require_finite(*arrays: NDArray) -> None:
-    if not _finite(arrays):
-        raise ValueError("a packet carries finite numbers only")
-
-
-def _refuse_unless_finite(*arrays: NDArray) -> None:
-    if not _finite(arrays):
-        raise BadPacket(Reason.NOT_FINITE)
 
 
 def _sane_remote(data: bytes) -> bytes:
@@ -345,4 +375,5 @@ def _sane_remote(data: bytes) -> bytes:
     return data
 
 
+_NOT_FINITE = "a packet carries finite numbers only"
 _FLOAT32_MAX = float(np.finfo(np.float32).max)

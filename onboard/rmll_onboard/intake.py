@@ -7,7 +7,7 @@ overtakes, and somebody may send old datagrams again. The board's own clock, the
 from collections import Counter
 from collections.abc import Sequence
 
-from rmll_onboard.a1_wire import BadPacket, Reason, RobotState, check_state, decode_state, peek_tick
+from rmll_onboard.a1_wire import BadPacket, Reason, StateDecoder, check_state, peek_tick
 from rmll_onboard.sensor_monitor import Streams
 from rmll_onboard.settings import Link
 
@@ -34,7 +34,8 @@ class Intake:
     """[s] of damping datagrams at the end; the board then brakes by itself"""
 
     def __init__(self, link: Link) -> None:
-        self.state = RobotState()
+        self._decoder = StateDecoder()
+        self.state = self._decoder.state
         """The newest one, overwritten by the next"""
         self.received = 0
         """States that were believed"""
@@ -112,7 +113,7 @@ class Intake:
         """Take the state; raises BadPacket."""
         if self._tick is not None:
             self._check_order(now, datagram)
-        decode_state(datagram, self.state)
+        self._decoder.decode(datagram)
         self.received += 1
         self.heard = now
         self._tick = self.state.tick

@@ -306,9 +306,10 @@ class Joints:
             self._moved[:] = now
         else:
             q, dq = self._seen
-            self._moved[(state.q != q) | (state.dq != dq)] = now
+            np.copyto(self._moved, now, where=(state.q != q) | (state.dq != dq))
             q[:], dq[:] = state.q, state.dq
-            self.still_ms = (now - float(self._moved.min())) / 1e6
+            moved = self._moved
+            self.still_ms = (now - float(moved[moved.argmin()])) / 1e6
 
     def still(self, limit_ms: float) -> str | None:
         """A joint of a walking robot that has read the same for longer."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from rmll_onboard import mit_wire
-from rmll_onboard.a1_wire import MotorCommand, encode_command
+from rmll_onboard.a1_wire import CommandEncoder, MotorCommand
 from rmll_onboard.can_layout import Layout
 from rmll_onboard.can_link import CanLink
 from rmll_onboard.can_wire import CanWire
@@ -21,7 +21,7 @@ def open_wire(settings: Settings, robot: Robot) -> tuple[Intake, Encode]:
     Raises InputError if the actuators of the settings do not fit the robot.
     """
     if settings.link.kind == "udp":
-        return Intake(settings.link), encode_command
+        return Intake(settings.link), CommandEncoder().encode
     wire = CanWire(settings.link, settings.can, robot)
     return wire, wire.encode
 

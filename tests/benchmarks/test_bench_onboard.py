@@ -41,8 +41,8 @@ def test_crc(benchmark, state: bytes) -> None:
 
 
 def test_decode_state(benchmark, state: bytes) -> None:
-    benchmark(a1_wire.decode_state, state, a1_wire.RobotState())
+    benchmark(a1_wire.StateDecoder().decode, state)
 
 
 def test_encode_command(benchmark) -> None:
-    benchmark(a1_wire.encode_command, a1_wire.MotorCommand())
+    benchmark(a1_wire.CommandEncoder().encode, a1_wire.MotorCommand())

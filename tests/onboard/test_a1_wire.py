@@ -110,9 +110,18 @@ def test_command_round_trip(command):
 
 
 @given(states, states)
-def test_state_round_trip_into_used_arrays(state, used):
-    assert a1_wire.decode_state(a1_wire.encode_state(state), used) is used
-    assert_same(used, state)
+def test_a_used_decoder_keeps_nothing_of_the_state_before(state, used):
+    decoder = a1_wire.StateDecoder()
+    for sent in (used, state):
+        decoder.decode(a1_wire.encode_state(sent))
+        assert_same(decoder.state, sent)
+
+
+@given(commands, commands)
+def test_a_used_encoder_keeps_nothing_of_the_command_before(command, used):
+    encoder = a1_wire.CommandEncoder()
+    encoder.encode(used)
+    assert encoder.encode(command) == a1_wire.encode_command(command)
 
 
 @given(single(12), single(12), single(12))
@@ -173,11 +182,19 @@ def with_checksum(packet, offset, value):
 @pytest.mark.parametrize("offset", [10, 26, 38, 50, 64, 68], ids=str)
 def test_a_state_that_is_not_finite_is_refused_and_leaves_the_last_one(offset, value):
     packet = with_checksum(a1_wire.encode_state(RobotState()), offset, value)
-    last = RobotState(tick=7)
+    decoder = a1_wire.StateDecoder()
+    decoder.decode(a1_wire.encode_state(RobotState(tick=7)))
     with pytest.raises(BadPacket) as bad:
-        a1_wire.decode_state(packet, last)
+        decoder.decode(packet)
     assert bad.value.reason is Reason.NOT_FINITE
-    assert_same(last, RobotState(tick=7))
+    assert_same(decoder.state, RobotState(tick=7))
+
+
+@pytest.mark.parametrize("value", [3.4e38, -3.4e38])
+def test_large_numbers_are_finite(value):
+    """Their sum would not be, in 32 bits."""
+    state = RobotState(q=np.full(12, np.float32(value), float), dq=np.full(12, value))
+    np.testing.assert_array_equal(a1_wire.decode_state(a1_wire.encode_state(state)).q, state.q)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e39])
