@@ -11,7 +11,7 @@ demo: $(VENV)/.hil
 	$(VENV)/bin/rmll-hil run --policy policies/trot.onnx --seconds 20 --vx 0.5 --out $(DEMO)
 
 test: setup
-	$(VENV)/bin/pytest
+	$(VENV)/bin/pytest -n 2 --dist worksteal
 
 # Everything that reads packets, files or messages, with hostile input for some minutes.
 fuzz: setup

@@ -53,9 +53,9 @@ def main() -> None:
     ends: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: ends.append(number))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started it ends it
-    print("running", flush=True)
     worst = 0
-    deadline = time.monotonic_ns()
+    deadline = time.monotonic_ns()  # whatever happens once the line is out is noticed
+    print("running", flush=True)
     while not ends:
         deadline += PERIOD_NS
         time.sleep(max(0, deadline - EARLY_NS - time.monotonic_ns()) / 1e9)

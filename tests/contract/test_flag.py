@@ -44,7 +44,9 @@ ONE_BY_ONE = [(main, words, name, str(value)) for main, words, name, values in N
 
 
 @pytest.mark.parametrize(
-    ("main", "words", "name", "value"), ONE_BY_ONE, ids=lambda part: str(part)[-20:]
+    ("main", "words", "name", "value"),
+    ONE_BY_ONE,
+    ids=lambda part: part.__module__ if callable(part) else str(part)[-20:],
 )
 def test_a_senseless_number_is_refused_in_one_line_that_names_the_flag(
     main: Callable[[], None], words: tuple[str, ...], name: str, value: str,
