@@ -15,7 +15,8 @@ from rmll_onboard.daemon import Daemon
 from rmll_onboard.pilot import Pilot
 from rmll_onboard.settings import Settings
 from rmll_onboard.supervisor import NS
-from rmll_onboard.tick import Tick, Witness, columns, row
+from rmll_onboard.tick import Tick, columns, row
+from rmll_onboard.tick_listener import Witness
 
 
 def walk(

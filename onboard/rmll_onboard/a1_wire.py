@@ -9,28 +9,25 @@ Joint arrays are (12,): legs FR, FL, RR, RL, within a leg hip, thigh, calf.
 
 import zlib
 from array import array
-from dataclasses import dataclass, field
-from enum import StrEnum
-from functools import partial
 from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rmll_onboard.packet_errors import BadPacket, Reason
 from rmll_onboard.remote import decode as decode_remote
+from rmll_onboard.robot_state import (
+    JOINTS,
+    MODE_SERVO,
+    POS_STOP,
+    VEL_STOP,
+    MotorCommand,
+    RobotState,
+)
 
 LOW_LEVEL = 0xFF
 """Level flag of packets that talk about motors, and not about walking"""
-MODE_BRAKE = 0x00
-"""The joint brakes electronically; gains and targets are ignored"""
-MODE_SERVO = 0x0A
-"""The joint follows tau + kp (q_target - q) + kd (dq_target - dq)"""
-POS_STOP = 2.146e9
-"""[rad] in place of a target: no position loop"""
-VEL_STOP = 16000.0
-"""[rad/s] in place of a target: no velocity loop"""
-
-JOINTS, SLOTS = 12, 20
+SLOTS = 20
 
 MOTOR_COMMAND = np.dtype(
     [
@@ -99,77 +96,6 @@ LOW_STATE_LENGTH = LOW_STATE.itemsize
 # Counts of the int16 fields per N·m, N·m/rad and N·m·s/rad
 TAU_SCALE, KP_SCALE, KD_SCALE = 256.0, 32.0, 16.0
 _COMMAND_SCALES = np.array([[TAU_SCALE], [KP_SCALE], [KD_SCALE]])
-
-
-class Reason(StrEnum):
-    """Why a datagram is refused."""
-
-    LENGTH = "length"
-    LEVEL = "level flag"
-    CRC = "checksum"
-    NOT_FINITE = "not finite"
-    LATE = "late"
-    REPEATED = "repeated"
-    AHEAD = "ahead of time"
-
-
-class BadPacket(ValueError):
-    """A datagram that must not be believed."""
-
-    def __init__(self, reason: Reason) -> None:
-        super().__init__(f"bad packet: {reason}")
-        self.reason = reason
-
-
-_twelve = partial(np.zeros, JOINTS)
-_twelve_bytes = partial(np.zeros, JOINTS, np.uint8)
-_three = partial(np.zeros, 3)
-
-
-@dataclass(slots=True)
-class MotorCommand:
-    """What the twelve joints are told. As made: all brake."""
-
-    mode: NDArray[np.uint8] = field(default_factory=_twelve_bytes)
-    q: NDArray[np.float64] = field(default_factory=_twelve)
-    """[rad]"""
-    dq: NDArray[np.float64] = field(default_factory=_twelve)
-    """[rad/s]"""
-    tau: NDArray[np.float64] = field(default_factory=_twelve)
-    """[N·m], on the wire in steps of 1/256 up to 128"""
-    kp: NDArray[np.float64] = field(default_factory=_twelve)
-    """[N·m/rad], on the wire in steps of 1/32 up to 1024"""
-    kd: NDArray[np.float64] = field(default_factory=_twelve)
-    """[N·m·s/rad], on the wire in steps of 1/16 up to 2048"""
-
-
-@dataclass(slots=True)
-class RobotState:
-    """What the robot measured."""
-
-    mode: NDArray[np.uint8] = field(default_factory=_twelve_bytes)
-    q: NDArray[np.float64] = field(default_factory=_twelve)
-    """[rad]"""
-    dq: NDArray[np.float64] = field(default_factory=_twelve)
-    """[rad/s]"""
-    tau: NDArray[np.float64] = field(default_factory=_twelve)
-    """[N·m], estimated from the motor current"""
-    temperature: NDArray[np.int8] = field(default_factory=partial(np.zeros, JOINTS, np.int8))
-    """[°C]"""
-    quaternion: NDArray[np.float64] = field(default_factory=partial(np.zeros, 4))
-    """w, x, y, z: base to world"""
-    gyro: NDArray[np.float64] = field(default_factory=_three)
-    """[rad/s], base frame"""
-    accelerometer: NDArray[np.float64] = field(default_factory=_three)
-    """[m/s²], base frame"""
-    rpy: NDArray[np.float64] = field(default_factory=_three)
-    """[rad], the board's own roll, pitch, yaw"""
-    foot_force: NDArray[np.int16] = field(default_factory=partial(np.zeros, 4, np.int16))
-    """Raw units, FR FL RR RL"""
-    tick: int = 0
-    """The board's clock: milliseconds in practice, microseconds by the SDK's header"""
-    remote: bytes = bytes(40)
-    """The wireless remote, see :mod:`rmll_onboard.remote`"""
 
 
 class CommandEncoder:

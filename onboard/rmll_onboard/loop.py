@@ -13,7 +13,8 @@ from rmll_onboard.link import Link
 from rmll_onboard.service import Service
 from rmll_onboard.settings import Realtime
 from rmll_onboard.supervisor import NS
-from rmll_onboard.tick import Tick, Witness
+from rmll_onboard.tick import Tick
+from rmll_onboard.tick_listener import Witness
 from rmll_onboard.timing import Timing
 from rmll_onboard.understudy import Understudy
 

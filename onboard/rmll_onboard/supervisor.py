@@ -8,36 +8,15 @@ Every fault ends in damping and stays there for as long as the process lives. Pu
 and requests in, motor commands out. Joint arrays are (12,) in the robot's order.
 """
 
-from enum import StrEnum
-
 import numpy as np
 from numpy.typing import NDArray
 
-from rmll_onboard.a1_wire import MODE_SERVO, POS_STOP, MotorCommand, RobotState
+from rmll_onboard.modes import NS, Mode, Request
+from rmll_onboard.robot_state import MODE_SERVO, POS_STOP, MotorCommand, RobotState
 from rmll_onboard.settings import Settings
 from rmll_robots import Robot
 
 Array = NDArray[np.float64]
-
-NS = 1_000_000_000
-
-
-class Mode(StrEnum):
-    DAMPING = "damping"
-    STANDING_UP = "standing_up"
-    STANDING = "standing"
-    WALKING = "walking"
-    SITTING_DOWN = "sitting_down"
-
-
-class Request(StrEnum):
-    """What the operator wants."""
-
-    STAND = "stand"
-    WALK = "walk"
-    SIT = "sit"
-    DAMP = "damp"
-    """At once and for good"""
 
 
 class Supervisor:

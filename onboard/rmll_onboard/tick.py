@@ -4,8 +4,8 @@ A tick is taken from outside, after its command is on its way, and is small enou
 another process. A log holds nothing that is not in one.
 """
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -14,9 +14,6 @@ from rmll_contract.contract import Contract
 from rmll_contract.observation import Field
 from rmll_gaits.label import FEET
 from rmll_onboard.supervisor import Request
-
-if TYPE_CHECKING:  # the recorder's process reads ticks and has no use for onnxruntime
-    from rmll_onboard.daemon import Daemon
 
 
 class Inside(msgspec.Struct, frozen=True, array_like=True, gc=False):
@@ -57,45 +54,6 @@ class Tick(msgspec.Struct, frozen=True, array_like=True, gc=False):
     """The program was told to end"""
     inside: Inside | None
     """At the policy's rate, else None"""
-
-
-class Witness:
-    """Watches a daemon and passes its ticks on."""
-
-    def __init__(self, daemon: "Daemon", keep: Callable[[Tick], None]) -> None:
-        self._daemon = daemon
-        self._keep = keep
-        self._number = 0
-
-    def saw(self, now: int, datagrams: Sequence[bytes], answer: bytes) -> None:
-        """The daemon has just answered."""
-        daemon = self._daemon
-        request, command = daemon.orders
-        inside = _inside(daemon) if daemon.due else None
-        self._keep(
-            Tick(
-                self._number, now, list(datagrams), answer, request, command,
-                daemon.pilot.by_remote, daemon.stopping, inside,
-            )
-        )  # fmt: skip
-        self._number += 1
-
-
-def _inside(daemon: "Daemon") -> Inside:
-    controller = daemon.controller
-    values = controller.observation, controller.estimate, controller.action, controller.target
-    vx, wz, frequency = controller.command.tolist()
-    return Inside(
-        daemon.mode,
-        daemon.fault or "",
-        controller.label,
-        controller.state,
-        controller.phi,
-        controller.advanced,
-        controller.off_spec,
-        (vx, wz, frequency),
-        np.concatenate(values, dtype=np.float32, casting="same_kind").tobytes(),
-    )
 
 
 def columns(contract: Contract) -> list[str]:

@@ -27,7 +27,8 @@ from rmll_onboard.flight_log import FlightLog
 from rmll_onboard.mcap_file import log_file
 from rmll_onboard.pilot import FlagPilot
 from rmll_onboard.settings import Link, Motion, Safety, Settings
-from rmll_onboard.tick import Tick, Witness
+from rmll_onboard.tick import Tick
+from rmll_onboard.tick_listener import Witness
 from rmll_robots import A1
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"

@@ -12,7 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rmll_onboard.a1_wire import RobotState
-from rmll_onboard.sensor_monitor import GRAVITY, Attitude, Joints, SensorMonitor, Streams
+from rmll_onboard.attitude_monitor import GRAVITY, AttitudeMonitor
+from rmll_onboard.joint_monitor import JointMonitor
+from rmll_onboard.sensor_monitor import SensorMonitor, Streams
 from rmll_onboard.settings import Safety
 from rmll_robots import A1
 
@@ -534,7 +536,7 @@ def random() -> np.random.Generator:
 
 def test_a_gyroscope_is_integrated_in_any_orientation(random) -> None:
     for _ in range(20):
-        attitude, dt, wrong = Attitude(), 0.005, random.normal(0, 1, 3)
+        attitude, dt, wrong = AttitudeMonitor(), 0.005, random.normal(0, 1, 3)
         quaternion, rate = turn(random.normal(0, 2, 3)), random.normal(0, 2, 3)
         for tick in range(4):
             state = RobotState(quaternion=quaternion, gyro=rate + (wrong if tick == 3 else 0))
@@ -548,7 +550,7 @@ def test_a_gyroscope_is_integrated_in_any_orientation(random) -> None:
 
 
 def test_a_disagreement_of_angles_fades() -> None:
-    attitude = Attitude()
+    attitude = AttitudeMonitor()
     for tick in range(101):
         state = RobotState(quaternion=np.array([1.0, 0, 0, 0]))
         state.gyro[1] = 4.0 * (tick == 1)
@@ -561,13 +563,13 @@ def test_a_disagreement_of_angles_fades() -> None:
 def test_rates_are_believed_up_to_what_a_base_can_do() -> None:
     for rate, taken in ((14.0, 14.0), (-14.0, 14.0), (16.0, 15.0), (-1e9, 15.0)):
         for axis in range(3):
-            attitude = Attitude()
+            attitude = AttitudeMonitor()
             state = RobotState(quaternion=np.array([1.0, 0, 0, 0]))
             state.gyro[axis] = rate
             attitude.measure(0.0, state)
             attitude.measure(0.005, state)
             assert attitude.drift == pytest.approx(taken * 0.005)
-            attitude = Attitude()
+            attitude = AttitudeMonitor()
             attitude.measure(0.0, state)
             state.quaternion[:] = turn(np.eye(3)[axis] * np.copysign(taken, rate) * 0.005)
             attitude.measure(0.005, state)
@@ -576,12 +578,12 @@ def test_rates_are_believed_up_to_what_a_base_can_do() -> None:
 
 @pytest.mark.parametrize(("dt", "judged"), [(0.0125, True), (0.01251, False), (0.0, False)])
 def test_what_lies_too_far_apart_is_not_judged(dt: float, judged: bool) -> None:
-    attitude = Attitude()
+    attitude = AttitudeMonitor()
     state = RobotState(quaternion=np.array([1.0, 0, 0, 0]), gyro=np.array([1.0, 0, 0]))
     attitude.measure(0.0, state)
     attitude.measure(dt, state)
     assert (attitude.drift > 0) is judged
-    joints = Joints(A1)
+    joints = JointMonitor(A1)
     joints.measure(0.0, state)
     state.dq[:] = 1.0
     joints.measure(dt, state)
@@ -594,7 +596,7 @@ def test_roll_pitch_and_yaw_are_one_orientation(random) -> None:
         about_x, about_y, about_z = (turn(axis) for axis in np.diag(rpy))
         right = product(product(about_z, about_y), about_x)
         for angle in (0.0, 0.05, 1.0):
-            attitude = Attitude()
+            attitude = AttitudeMonitor()
             off = turn(np.array([0.36, 0.48, 0.8]) * max(angle, 1e-12))
             attitude.measure(0.0, RobotState(quaternion=product(right, off)))
             attitude.compare(rpy)
@@ -608,7 +610,7 @@ def test_an_accelerometer_feels_what_holds_it_up_in_any_orientation(random) -> N
             1:
         ]
         for off in (np.zeros(3), wrong):
-            attitude = Attitude()
+            attitude = AttitudeMonitor()
             attitude.measure(0.01, RobotState(quaternion=quaternion))
             attitude.weigh(GRAVITY * up + off, 2.0)
             assert attitude.gravity_error == pytest.approx(np.linalg.norm(off), abs=1e-9)
@@ -617,7 +619,7 @@ def test_an_accelerometer_feels_what_holds_it_up_in_any_orientation(random) -> N
 @pytest.mark.parametrize("seconds", [0.25, 2.0])
 def test_an_accelerometer_is_averaged(seconds: float) -> None:
     """From its first reading on; later ones count for so many seconds."""
-    attitude, state = Attitude(), RobotState(quaternion=np.array([1.0, 0, 0, 0]))
+    attitude, state = AttitudeMonitor(), RobotState(quaternion=np.array([1.0, 0, 0, 0]))
 
     def weigh(ticks: int, felt: float) -> None:
         for _ in range(ticks):
