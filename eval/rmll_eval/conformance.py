@@ -16,8 +16,8 @@ from rmll_gaits.pose import to_text
 from rmll_gaits.progress import Progress
 from rmll_gaits.schedule import POLICY_HZ, schedule, transition_rate
 from rmll_gaits.table import MachineTable
-from rmll_onboard.flight_log import FlightLog
-from rmll_onboard.supervisor import NS, Mode
+from rmll_onboard.recording.flight_log import FlightLog
+from rmll_onboard.state.modes import NS, Mode
 from rmll_view.contacts import full_cycles
 
 GAP = 1.5 / POLICY_HZ

@@ -15,7 +15,7 @@ from rmll_eval.conformance import Conformance, Walk, walks
 from rmll_eval.conformance import conformance as judge
 from rmll_gaits.table import MachineTable
 from rmll_hil import results
-from rmll_onboard.flight_log import FlightLog, missing
+from rmll_onboard.recording.flight_log import FlightLog, missing
 from rmll_view.console import console
 from rmll_view.contacts import contact_figure
 

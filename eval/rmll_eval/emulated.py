@@ -14,8 +14,8 @@ from rmll_hil import lockstep
 from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.metrics import summary
 from rmll_hil.world import World, push
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.pilot import FlagPilot
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.control.bundle import load_bundle
 
 
 def walks(
@@ -45,7 +45,7 @@ def walk(bundle: Path, seconds: float, conditions: Conditions, trial: Trial) -> 
     """Stand up, walk for ``seconds``, sit down."""
     loaded = load_bundle(bundle)
     emulator = Emulator(settings(conditions, trial.seed), robot=loaded.robot)
-    pilot = FlagPilot(loaded.table.commands, trial.vx, trial.wz, trial.frequency, seconds)
+    pilot = FlagOperator(loaded.table.commands, trial.vx, trial.wz, trial.frequency, seconds)
     planned = pushes(trial.seed, seconds) if conditions.pushes else []
     outcome = lockstep.walk(emulator, loaded, pilot, _pushing(emulator.world, planned))
     found = summary(outcome, loaded.contract.gait, loaded.robot)

@@ -23,9 +23,9 @@ from rmll_eval.trial import Trial, draw, grid
 from rmll_eval.walk import Walk
 from rmll_gaits.errors import InputError
 from rmll_hil import results
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.controller import prove
-from rmll_onboard.pilot import SECONDS
+from rmll_onboard.commands.operator import SECONDS
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.control.controller import prove
 from rmll_view.console import bar
 
 World = Literal["emulator", "trainer"]

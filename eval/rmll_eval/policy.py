@@ -6,7 +6,7 @@ from pathlib import Path
 from rmll_eval.extra import needs
 from rmll_gaits.errors import InputError
 from rmll_gaits.load import is_gait_file, load_gait
-from rmll_onboard.bundle import load_bundle
+from rmll_onboard.control.bundle import load_bundle
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from rmll_eval.trial import Trial
 from rmll_eval.walk import Walk
 from rmll_gaits.errors import InputError
 from rmll_hil.metrics import cost_of_transport
-from rmll_onboard.bundle import Bundle, load_bundle
+from rmll_onboard.control.bundle import Bundle, load_bundle
 from rmll_robots.ground import course
 from rmll_train.environment import GaitEnv
 from rmll_train.evaluation import evaluate

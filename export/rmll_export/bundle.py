@@ -16,8 +16,8 @@ from rmll_contract.onnx_file import graph_sha256
 from rmll_export.checkpoint import Checkpoint
 from rmll_export.graph import build
 from rmll_gaits.errors import Failure, InputError
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.controller import TRACE_TOLERANCE, prove
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.control.controller import TRACE_TOLERANCE, prove
 
 
 def export(checkpoint: Checkpoint, path: Path) -> float:

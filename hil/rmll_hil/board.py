@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 
 from rmll_hil.world import World
-from rmll_onboard.a1_wire import MODE_BRAKE, MODE_SERVO, POS_STOP, VEL_STOP, MotorCommand
+from rmll_onboard.state.robot_state import MODE_BRAKE, MODE_SERVO, POS_STOP, VEL_STOP, MotorCommand
 from rmll_robots import Robot
 
 BRAKE_KD = 3.0

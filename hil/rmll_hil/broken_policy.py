@@ -11,7 +11,7 @@ import numpy as np
 from rmll_contract import contract as contracts
 from rmll_contract.onnx_file import graph_sha256
 from rmll_gaits.errors import Failure
-from rmll_onboard.policy import ACTION, OBSERVATION
+from rmll_onboard.control.policy import ACTION, OBSERVATION
 
 SANE = 100.0
 """An observation beyond it sets it off"""

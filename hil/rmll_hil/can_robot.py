@@ -8,19 +8,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rmll_onboard import can_imu, mit_wire
-from rmll_onboard.a1_wire import (
-    MODE_BRAKE,
-    MODE_SERVO,
-    BadPacket,
-    MotorCommand,
-    Reason,
-    RobotState,
-)
-from rmll_onboard.can_frames import Frame, pack, unpack
-from rmll_onboard.can_layout import Layout
-from rmll_onboard.can_settings import Can
-from rmll_onboard.mit_wire import Commands, Reply
+from rmll_onboard.interface.can_layout import Layout
+from rmll_onboard.protocol import can_imu, mit_packets
+from rmll_onboard.protocol.can_frame import Frame, pack, unpack
+from rmll_onboard.protocol.mit_packets import MitCommands, Reply
+from rmll_onboard.settings.can_settings import Can
+from rmll_onboard.state.packet_errors import BadPacket, Reason
+from rmll_onboard.state.robot_state import MODE_BRAKE, MODE_SERVO, MotorCommand, RobotState
 from rmll_robots import Robot
 
 _SPECIAL = b"\xff" * 7
@@ -38,11 +32,11 @@ class CanRobot:
         layout = self._layout = Layout(can, robot)
         joints = len(layout.joints)
         self.errors = [0] * joints
-        """What each actuator reports, of :data:`rmll_onboard.mit_wire.ERRORS`"""
+        """What each actuator reports, of :data:`rmll_onboard.protocol.mit_packets.ERRORS`"""
         self.on = np.zeros(joints, bool)
         """Which are switched on"""
-        nothing = Commands(*np.zeros((5, joints)))
-        self._told = mit_wire.encode_commands(layout.ranges, nothing)
+        nothing = MitCommands(*np.zeros((5, joints)))
+        self._told = mit_packets.encode_commands(layout.ranges, nothing)
         self._who = {
             key: joint for joint, key in enumerate(zip(layout.bus, layout.id, strict=True))
         }
@@ -56,9 +50,9 @@ class CanRobot:
             if joint is None or len(data) != 8:
                 continue
             called.append(joint)
-            if data == mit_wire.ENTER:
+            if data == mit_packets.ENTER:
                 self.on[joint] = True
-            elif data == mit_wire.EXIT:
+            elif data == mit_packets.EXIT:
                 self.on[joint] = False
             elif self.on[joint] and not data.startswith(_SPECIAL):
                 self._told[joint] = data
@@ -77,7 +71,7 @@ class CanRobot:
 
     def _replies(self, joints: list[int], state: RobotState) -> list[Frame]:
         layout = self._layout
-        steps = mit_wire.measure(
+        steps = mit_packets.measure(
             layout.ranges,
             layout.to_actuator(state.q),
             layout.sign * state.dq,
@@ -88,16 +82,16 @@ class CanRobot:
             variant = layout.variant[joint]
             error = self.errors[joint]
             if variant == "damiao" and not self.on[joint]:
-                error = error or mit_wire.OFF
+                error = error or mit_packets.OFF
             position, velocity, torque = steps[:, joint].tolist()
             reply = Reply(position, velocity, torque, int(state.temperature[joint]), error)
-            data = mit_wire.encode_reply(layout.id[joint], reply, variant)
+            data = mit_packets.encode_reply(layout.id[joint], reply, variant)
             frames.append(Frame(layout.bus[joint], layout.reply_id[joint], data))
         return frames
 
     def _command(self) -> MotorCommand:
         layout = self._layout
-        told = mit_wire.decode_commands(layout.ranges, self._told)
+        told = mit_packets.decode_commands(layout.ranges, self._told)
         return MotorCommand(
             mode=np.where(self.on, MODE_SERVO, MODE_BRAKE).astype(np.uint8),
             q=layout.to_joint(told.position),

@@ -16,10 +16,10 @@ from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.faults import Plan, load_plan
 from rmll_hil.serve import Reply, Stop, listen, save, serve
 from rmll_hil.serve_can import serve_can
-from rmll_onboard.can_layout import Layout
-from rmll_onboard.can_link import CanLink
-from rmll_onboard.can_settings import Can
-from rmll_onboard.settings import Kind, load_settings
+from rmll_onboard.interface.can_layout import Layout
+from rmll_onboard.interface.can_transport import CanTransport
+from rmll_onboard.settings.can_settings import Can
+from rmll_onboard.settings.runtime_settings import Kind, load_settings
 from rmll_robots import A1
 
 Robot = Annotated[Settings, tyro.conf.OmitArgPrefixes]
@@ -68,7 +68,7 @@ def _serve_can(robot: Settings, can: Can, plan: Plan, log: Path | None) -> None:
     if plan:
         raise InputError("--faults: a fault plan needs --link udp")
     wire = CanRobot(can, A1)
-    link = CanLink(can.buses, Layout(can, A1).commands())
+    link = CanTransport(can.buses, Layout(can, A1).commands())
     with Stop().on_signals() as stop, closing(link) as buses:
         emulator = Emulator(robot, wire=wire)
         print(f"listening on {buses.name}", flush=True)

@@ -20,7 +20,8 @@ from rmll_hil.robot_wire import A1Robot, RobotWire
 from rmll_hil.sabotage import Sabotage
 from rmll_hil.sensors import FootUnits, Noise, Sensors
 from rmll_hil.world import STEP_MS, World, load
-from rmll_onboard.a1_wire import BadPacket, RobotState
+from rmll_onboard.state.packet_errors import BadPacket
+from rmll_onboard.state.robot_state import RobotState
 from rmll_robots import A1, Robot
 from rmll_robots.ground import LEVELS, Field, Kind, build, course
 

@@ -11,9 +11,9 @@ from rmll_contract.output import output_file
 from rmll_gaits.errors import Failure, InputError
 from rmll_hil.fault_rows import ROWS, Reaction, Row
 from rmll_hil.fault_table import Result, markdown, provoke, score, span, told
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.controller import prove
-from rmll_onboard.shipped import find_policy
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.control.controller import prove
+from rmll_onboard.control.shipped_policies import find_policy
 from rmll_view.console import bar, console
 
 

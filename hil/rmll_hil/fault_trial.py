@@ -12,7 +12,7 @@ import numpy as np
 from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.fault_rows import BEGIN, Reaction, Row
 from rmll_hil.faults import Plan, parse_plan
-from rmll_onboard.a1_wire import decode_command
+from rmll_onboard.protocol.a1_packets import decode_command
 from rmll_robots import Robot
 
 MOTION = {"crouch": 0.3, "rise": 0.6, "settle": 0.2, "slow_down": 0.3, "sit": 0.3}

@@ -6,12 +6,12 @@ from rmll_gaits.errors import Failure
 from rmll_hil.fault_rows import Reaction, Row
 from rmll_hil.fault_trial import MOTION, VX, Trial
 from rmll_hil.virtual_time import Killed, VirtualTime
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.loop import Loop
-from rmll_onboard.pilot import FlagPilot, RemotePilot
-from rmll_onboard.settings import Motion, Safety, Settings
-from rmll_onboard.understudy import Understudy
+from rmll_onboard.commands.operator import FlagOperator, RemoteOperator
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.runtime.cache_warmup import CacheWarmer
+from rmll_onboard.runtime.daemon import Daemon
+from rmll_onboard.runtime.loop import Loop
+from rmll_onboard.settings.runtime_settings import Motion, RuntimeSettings, Safety
 
 
 def run(row: Row, trial: Trial, policy: Path) -> tuple[Reaction, int | None, str]:
@@ -20,16 +20,16 @@ def run(row: Row, trial: Trial, policy: Path) -> tuple[Reaction, int | None, str
     To be called from the main thread, the only one that hears signals.
     """
     bundle = load_bundle(policy)
-    settings = Settings(motion=Motion(**MOTION), safety=Safety(**row.settings))
+    settings = RuntimeSettings(motion=Motion(**MOTION), safety=Safety(**row.settings))
     commands = bundle.table.commands
     pilot = (
-        RemotePilot(commands, commands.middle_frequency, settings.steering.deadband)
+        RemoteOperator(commands, commands.middle_frequency, settings.steering.deadband)
         if row.remote
-        else FlagPilot(commands, vx=VX)
+        else FlagOperator(commands, vx=VX)
     )
     daemon = Daemon(bundle, settings, pilot)
     clock = VirtualTime(trial, trial.signals)
-    understudy = Understudy(bundle, settings)
+    understudy = CacheWarmer(bundle, settings)
     loop = Loop(daemon, clock, settings.realtime, understudy=understudy, clock=clock)
     try:
         loop.run(settings.link.startup_timeout)

@@ -18,7 +18,7 @@ from msgspec import Meta
 from rmll_contract import typed_yaml
 from rmll_gaits import document
 from rmll_gaits.document import Value
-from rmll_onboard.remote import Button
+from rmll_onboard.protocol.a1_remote import Button
 from rmll_robots import Robot
 
 MAX_FAULTS = 1000

@@ -11,7 +11,7 @@ from rmll_contract.flag import within
 from rmll_contract.output import output_file
 from rmll_gaits.errors import Failure, InputError
 from rmll_hil.feet_table import CASES, Case, Result, entry, markdown, walk_all
-from rmll_onboard.shipped import find_policy
+from rmll_onboard.control.shipped_policies import find_policy
 from rmll_view.console import bar, console
 
 

@@ -15,10 +15,10 @@ from rmll_gaits.table import nearest
 from rmll_hil import lockstep, metrics
 from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.sensors import FootSensors, FootUnits, Noise
-from rmll_onboard.bundle import Bundle, load_bundle
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.foot_sensor import FootSensor
-from rmll_onboard.pilot import FlagPilot
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.control.bundle import Bundle, load_bundle
+from rmll_onboard.control.foot_calibration import FootCalibration
+from rmll_onboard.runtime.daemon import Daemon
 
 TOLERANCE = 0.02
 """The most adherence that not being told may cost"""
@@ -79,7 +79,7 @@ class Result:
         return not self.falls and not self.fault and self.learnt >= self.told - TOLERANCE
 
 
-class _Told(FootSensor):
+class _Told(FootCalibration):
     """Knows what the emulator knows."""
 
     def __init__(self, feet: FootSensors, foot: int) -> None:
@@ -124,7 +124,7 @@ def _compare(task: tuple[Case, Path, float]) -> Result:
 def _walk(case: Case, bundle: Bundle, seconds: float, told: bool) -> dict[str, Any]:
     emulator = Emulator(Settings(seed=1), case.noise, bundle.robot, feet=case.units)
     commands = bundle.table.commands
-    pilot = FlagPilot(commands, nearest(_SPEED, commands.vx), seconds=seconds)
+    pilot = FlagOperator(commands, nearest(_SPEED, commands.vx), seconds=seconds)
 
     def prepare(daemon: Daemon) -> None:
         if told:

@@ -18,13 +18,18 @@ from rmll_hil import lockstep
 from rmll_hil.emulator import Emulator
 from rmll_hil.fault_rows import BEGIN, ROWS, Row
 from rmll_hil.faults import parse_plan
-from rmll_onboard.about import describe
-from rmll_onboard.bundle import Bundle, load_bundle
-from rmll_onboard.mcap_file import log_file
-from rmll_onboard.pilot import FlagPilot, Orders, Pilot, RemotePilot
-from rmll_onboard.remote import Remote
-from rmll_onboard.settings import Motion, Safety, Settings, Steering
-from rmll_onboard.supervisor import NS, Mode
+from rmll_onboard.commands.operator import FlagOperator, Operator, OperatorCommand, RemoteOperator
+from rmll_onboard.control.bundle import Bundle, load_bundle
+from rmll_onboard.protocol.a1_remote import Remote
+from rmll_onboard.recording.log_metadata import describe
+from rmll_onboard.recording.mcap_writer import log_file
+from rmll_onboard.settings.runtime_settings import (
+    Motion,
+    RuntimeSettings,
+    Safety,
+    Steering,
+)
+from rmll_onboard.state.modes import NS, Mode
 
 FOLDER = Path("tests/hil/golden")
 FAULT_PREFIX = "fault-"
@@ -49,22 +54,22 @@ class Story:
     """What happens in a golden log."""
 
     name: str
-    pilot: Pilot
-    settings: Settings
+    pilot: Operator
+    settings: RuntimeSettings
     plan: tuple[dict[str, Any], ...] = ()
 
 
 class _Until:
     """A pilot whose time is limited."""
 
-    def __init__(self, pilot: Pilot, seconds: float) -> None:
+    def __init__(self, pilot: Operator, seconds: float) -> None:
         self._pilot = pilot
         self._end = int(seconds * NS)
         self._now = 0
         self.by_remote = pilot.by_remote
         self.complaint = None
 
-    def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
+    def orders(self, now: int, mode: Mode, remote: Remote) -> OperatorCommand:
         self._now = now
         return self._pilot.orders(now, mode, remote)
 
@@ -76,24 +81,24 @@ def walk(bundle: Bundle) -> Story:
     """Forward and turning, slow steps and then fast ones, from lying to lying."""
     commands = bundle.table.commands
     low, high = commands.frequency
-    pilot = FlagPilot(
+    pilot = FlagOperator(
         commands, 0.4 * commands.vx[1], 0.2 * commands.wz[1], (high, low), seconds=1.0
     )
-    return Story(bundle.contract.gait, pilot, Settings(motion=_MOTION))
+    return Story(bundle.contract.gait, pilot, RuntimeSettings(motion=_MOTION))
 
 
 def fault(row: Row, bundle: Bundle) -> Story:
     """The fault as in the table, a little earlier."""
     commands = bundle.table.commands
     pilot = (
-        RemotePilot(commands, commands.middle_frequency, Steering().deadband)
+        RemoteOperator(commands, commands.middle_frequency, Steering().deadband)
         if row.remote
-        else FlagPilot(commands, vx=0.4)
+        else FlagOperator(commands, vx=0.4)
     )
     return Story(
         FAULT_PREFIX + row.name,
         _Until(pilot, BEGIN - EARLIER + FAULTS[row.name]),
-        Settings(motion=_MOTION, safety=msgspec.convert(row.settings, Safety)),
+        RuntimeSettings(motion=_MOTION, safety=msgspec.convert(row.settings, Safety)),
         tuple(
             entry | {"at": entry["at"] - (EARLIER if entry["at"] == BEGIN else 0.0)}
             for entry in row.plan

@@ -10,22 +10,22 @@ from typing import Any
 
 from rmll_hil.emulator import Emulator
 from rmll_hil.outcome import AFTERMATH, Outcome
-from rmll_onboard.bundle import Bundle
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.pilot import Pilot
-from rmll_onboard.settings import Settings
-from rmll_onboard.supervisor import NS
-from rmll_onboard.tick import Tick, columns, row
-from rmll_onboard.tick_listener import Witness
+from rmll_onboard.commands.operator import Operator
+from rmll_onboard.control.bundle import Bundle
+from rmll_onboard.recording.telemetry import Tick, columns, row
+from rmll_onboard.runtime.daemon import Daemon
+from rmll_onboard.runtime.tick_listener import TickListener
+from rmll_onboard.settings.runtime_settings import RuntimeSettings
+from rmll_onboard.state.modes import NS
 
 
 def walk(
     emulator: Emulator,
     bundle: Bundle,
-    pilot: Pilot,
+    pilot: Operator,
     progress: Callable[[float], None],
     record: Callable[[Tick], None] | None = None,
-    settings: Settings = Settings(),  # noqa: B008 - frozen
+    settings: RuntimeSettings = RuntimeSettings(),  # noqa: B008 - frozen
     prepare: Callable[[Daemon], None] = lambda _: None,
 ) -> Outcome:
     """Run until the daemon has finished.
@@ -44,7 +44,7 @@ def walk(
 
     daemon = Daemon(bundle, settings, pilot)
     prepare(daemon)
-    witness = Witness(daemon, keep)
+    witness = TickListener(daemon, keep)
     period_ms = daemon.period // 1_000_000
     began = time.perf_counter()
     datagrams: list[bytes] = []

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmll_hil.outcome import Outcome, at, column, times
-from rmll_onboard.supervisor import Mode
+from rmll_onboard.state.modes import Mode
 from rmll_robots import Robot
 
 GRAVITY = 9.81

@@ -19,7 +19,7 @@ class Outcome:
     report: dict[str, Any]
     """The daemon's: what it walked, its fault if any, its datagrams and timings"""
     log: list[dict[str, Any]]
-    """The daemon's inside, one :func:`rmll_onboard.tick.row` a policy step"""
+    """The daemon's inside, one :func:`rmll_onboard.recording.telemetry.row` a policy step"""
     truth: NDArray[np.void]
     """Samples of type :data:`rmll_hil.emulator.TRUTH`, rising in time"""
     realtime_factor: float

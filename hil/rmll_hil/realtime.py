@@ -17,9 +17,11 @@ import numpy as np
 from rmll_gaits.errors import Failure, InputError
 from rmll_hil.emulator import Settings
 from rmll_hil.outcome import AFTERMATH, Outcome
-from rmll_onboard.flight_log import FlightLog
-from rmll_onboard.settings import Settings as DaemonSettings
-from rmll_onboard.settings import as_yaml
+from rmll_onboard.recording.flight_log import FlightLog
+from rmll_onboard.settings.runtime_settings import (
+    RuntimeSettings as DaemonSettings,
+)
+from rmll_onboard.settings.runtime_settings import as_yaml
 
 PATIENCE = 8.0
 """[s] for a process to end by itself; sitting down takes about three"""

@@ -7,15 +7,16 @@ from pathlib import Path
 import numpy as np
 
 from rmll_gaits.errors import InputError
-from rmll_onboard.a1_wire import JOINTS, LOW_CMD, SLOTS
-from rmll_onboard.about import versions
-from rmll_onboard.bundle import Bundle, load_bundle
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.flight_log import FlightLog, Gap
-from rmll_onboard.pilot import Orders
-from rmll_onboard.remote import Remote
-from rmll_onboard.supervisor import NS, Mode
-from rmll_onboard.tick import Tick
+from rmll_onboard.commands.operator import OperatorCommand
+from rmll_onboard.control.bundle import Bundle, load_bundle
+from rmll_onboard.protocol.a1_packets import LOW_CMD, SLOTS
+from rmll_onboard.protocol.a1_remote import Remote
+from rmll_onboard.recording.flight_log import FlightLog, Gap
+from rmll_onboard.recording.log_metadata import versions
+from rmll_onboard.recording.telemetry import Tick
+from rmll_onboard.runtime.daemon import Daemon
+from rmll_onboard.state.modes import NS, Mode
+from rmll_onboard.state.robot_state import JOINTS
 
 
 class RecordedPilot:
@@ -24,10 +25,10 @@ class RecordedPilot:
     complaint = None
 
     def __init__(self) -> None:
-        self.wanted = Orders(None, (0.0, 0.0, 0.0))
+        self.wanted = OperatorCommand(None, (0.0, 0.0, 0.0))
         self.by_remote = False
 
-    def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
+    def orders(self, now: int, mode: Mode, remote: Remote) -> OperatorCommand:
         return self.wanted
 
     def finished(self, mode: Mode, fault: str | None) -> bool:
@@ -99,7 +100,7 @@ def replay(log: FlightLog, bundle: Bundle, progress: Callable[[int], None]) -> R
             found.not_compared += 1
             continue
         began = tick.now if began is None else began
-        pilot.wanted = Orders(tick.request, tick.command)
+        pilot.wanted = OperatorCommand(tick.request, tick.command)
         pilot.by_remote = tick.by_remote
         daemon.stopping = tick.stopping
         answer = daemon.tick(tick.now, tick.datagrams)

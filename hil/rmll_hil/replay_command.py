@@ -9,9 +9,9 @@ from rich.table import Table
 
 from rmll_gaits.errors import Failure
 from rmll_hil.replay import Difference, Replay, find_bundle, replay
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.flight_log import FlightLog, missing
-from rmll_onboard.shipped import find_policy
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.control.shipped_policies import find_policy
+from rmll_onboard.recording.flight_log import FlightLog, missing
 from rmll_view.console import bar, console
 
 SHOWN = 12

@@ -4,7 +4,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from rmll_hil.board import BRAKE_KD
-from rmll_onboard.a1_wire import MotorCommand, RobotState, decode_command, encode_state
+from rmll_onboard.protocol.a1_packets import decode_command, encode_state
+from rmll_onboard.state.robot_state import MotorCommand, RobotState
 
 
 class RobotWire(Protocol):

@@ -18,14 +18,14 @@ from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.faults import Plan, load_plan
 from rmll_hil.outcome import Outcome
 from rmll_hil.serve_can import on_free_ports
-from rmll_onboard import settings as onboard
-from rmll_onboard.about import describe
-from rmll_onboard.bundle import Bundle, load_bundle
-from rmll_onboard.controller import prove
-from rmll_onboard.mcap_file import log_file
-from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.report_text import report_text
-from rmll_onboard.shipped import find_policy
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.control.bundle import Bundle, load_bundle
+from rmll_onboard.control.controller import prove
+from rmll_onboard.control.shipped_policies import find_policy
+from rmll_onboard.recording.log_metadata import describe
+from rmll_onboard.recording.mcap_writer import log_file
+from rmll_onboard.runtime.report_text import report_text
+from rmll_onboard.settings import runtime_settings as onboard
 from rmll_view.console import bar
 
 LOG = "run.mcap"
@@ -41,7 +41,7 @@ def run(
     wz: float | None,
     frequency: tuple[float, ...] | None,
     settings: Settings,
-    daemon: onboard.Settings,
+    daemon: onboard.RuntimeSettings,
     in_lockstep: bool,
     faults: Path | None,
     print_json: bool,
@@ -58,7 +58,7 @@ def run(
     prove(bundle)
     commands = bundle.table.commands
     vx = nearest(USUAL_SPEED, commands.vx) if vx is None else vx
-    pilot = FlagPilot(commands, vx, wz, frequency, seconds)
+    pilot = FlagOperator(commands, vx, wz, frequency, seconds)
     folder = results.folder(out, bundle.contract.gait)
     try:
         with _progress(bundle.contract.gait, seconds) as progress:
@@ -101,9 +101,9 @@ def run(
 
 def _lockstep(
     bundle: Bundle,
-    pilot: FlagPilot,
+    pilot: FlagOperator,
     settings: Settings,
-    daemon: onboard.Settings,
+    daemon: onboard.RuntimeSettings,
     plan: Plan,
     record: Path,
     progress: Callable[[float], None],
@@ -117,9 +117,9 @@ def _lockstep(
 
 def _realtime(
     policy: Path,
-    pilot: FlagPilot,
+    pilot: FlagOperator,
     settings: Settings,
-    daemon: onboard.Settings,
+    daemon: onboard.RuntimeSettings,
     faults: Path | None,
     record: Path,
     progress: Callable[[float], None],

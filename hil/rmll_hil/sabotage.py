@@ -12,9 +12,10 @@ from rmll_hil.board import BRAKE_KD, Board
 from rmll_hil.faults import Fault, Plan
 from rmll_hil.sensors import roll_pitch_yaw
 from rmll_hil.world import World, push
-from rmll_onboard import a1_wire, remote
-from rmll_onboard.a1_wire import LOW_STATE, MODE_SERVO, MotorCommand, RobotState
-from rmll_onboard.remote import Button
+from rmll_onboard.protocol import a1_packets, a1_remote
+from rmll_onboard.protocol.a1_packets import LOW_STATE
+from rmll_onboard.protocol.a1_remote import Button
+from rmll_onboard.state.robot_state import MODE_SERVO, MotorCommand, RobotState
 from rmll_robots import Robot
 
 OTHER_PERIOD_MS = 2
@@ -138,15 +139,15 @@ class Sabotage:
 
     def _remote(self, now_ms: int) -> bytes:
         if self._active(faults.RemoteLost, now_ms):
-            return bytes(remote.LENGTH)
+            return bytes(a1_remote.LENGTH)
         held = self._active(faults.Remote, now_ms)
         buttons = Button.NONE
         for fault in held:
             for name in fault.buttons:
                 buttons |= Button[name]
         last = held[-1] if held else faults.Remote()
-        sticks = remote.Remote(buttons, last.lx, last.ly, last.rx, last.ry)
-        return REMOTE_HEAD + remote.encode(sticks)[len(REMOTE_HEAD) :]
+        sticks = a1_remote.Remote(buttons, last.lx, last.ly, last.rx, last.ry)
+        return REMOTE_HEAD + a1_remote.encode(sticks)[len(REMOTE_HEAD) :]
 
 
 _FIELDS = {
@@ -170,5 +171,5 @@ def _unsealed(datagram: bytes) -> np.ndarray:
 
 def _sealed(packet: np.ndarray) -> bytes:
     data = packet.tobytes()
-    body = data[: a1_wire.protected(len(data))]
-    return data[:-4] + a1_wire.crc(body).to_bytes(4, "little")
+    body = data[: a1_packets.protected(len(data))]
+    return data[:-4] + a1_packets.crc(body).to_bytes(4, "little")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmll_hil.world import World
-from rmll_onboard.a1_wire import RobotState
+from rmll_onboard.state.robot_state import RobotState
 
 Array = NDArray[np.float64]
 

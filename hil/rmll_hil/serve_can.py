@@ -8,11 +8,11 @@ from msgspec.structs import replace
 
 from rmll_hil.emulator import Emulator
 from rmll_hil.serve import LARGEST_LAG_NS, PERIOD_MS, PERIOD_NS, Stop
-from rmll_onboard.can_settings import Can
-from rmll_onboard.link import Link
+from rmll_onboard.interface.transport import Transport
+from rmll_onboard.settings.can_settings import Can
 
 
-def serve_can(emulator: Emulator, link: Link, stop: Stop) -> float:
+def serve_can(emulator: Emulator, link: Transport, stop: Stop) -> float:
     """Run until ``stop``; returns the robot's time over the wall's, from the first command on.
 
     No time passes before a first command. The buses are looked at every 2 ms, so answers take up to

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 
 from rmll_hil.emulator import Emulator
 from rmll_hil.serve import PERIOD_MS, PERIOD_NS
-from rmll_onboard.supervisor import NS
+from rmll_onboard.state.modes import NS
 
 LOOK_NS = 10_000
 """[ns] that pass when the loop looks at the clock: waiting for a moment has an end"""

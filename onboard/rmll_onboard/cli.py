@@ -11,22 +11,27 @@ import msgspec
 
 from rmll_contract import command, observation
 from rmll_gaits.errors import Failure, InputError
-from rmll_onboard import realtime, timing
-from rmll_onboard.about import describe
-from rmll_onboard.bundle import Bundle, load_bundle
-from rmll_onboard.command_socket import SocketPilot
-from rmll_onboard.controller import prove
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.gamepad import GamepadPilot, open_gamepad
-from rmll_onboard.loop import Loop
-from rmll_onboard.pilot import FlagPilot, Pilot, RemotePilot
-from rmll_onboard.recorder import Recorder, log_path
-from rmll_onboard.report_text import report_text
-from rmll_onboard.service import Service
-from rmll_onboard.settings import Kind, Settings, as_yaml, load_settings
-from rmll_onboard.shipped import find_policy
-from rmll_onboard.understudy import Understudy
-from rmll_onboard.wire import open_link
+from rmll_onboard.commands.command_socket import SocketOperator
+from rmll_onboard.commands.gamepad import GamepadOperator, open_gamepad
+from rmll_onboard.commands.operator import FlagOperator, Operator, RemoteOperator
+from rmll_onboard.control.bundle import Bundle, load_bundle
+from rmll_onboard.control.controller import prove
+from rmll_onboard.control.shipped_policies import find_policy
+from rmll_onboard.interface.robot_interface import open_link
+from rmll_onboard.recording.log_metadata import describe
+from rmll_onboard.recording.recorder import Recorder, log_path
+from rmll_onboard.runtime import realtime, timing
+from rmll_onboard.runtime.cache_warmup import CacheWarmer
+from rmll_onboard.runtime.daemon import Daemon
+from rmll_onboard.runtime.loop import Loop
+from rmll_onboard.runtime.report_text import report_text
+from rmll_onboard.runtime.systemd_notify import SystemdNotifier
+from rmll_onboard.settings.runtime_settings import (
+    Kind,
+    RuntimeSettings,
+    as_yaml,
+    load_settings,
+)
 
 BUTTONS = (
     "START stands up, A walks, B stands still, SELECT sits down, L2+B damps for good.\n"
@@ -92,17 +97,17 @@ def onboard(
     flags = {"vx": vx, "wz": wz, "frequency": frequency}
     given = {name: value for name, value in flags.items() if value is not None}
     with _leading(bundle, options, given, seconds, gamepad, commands) as pilot:
-        if options.link.kind == "can" and isinstance(pilot, RemotePilot):
+        if options.link.kind == "can" and isinstance(pilot, RemoteOperator):
             raise InputError("--link can: no remote there; lead by --vx, --gamepad or --commands")
-        if isinstance(pilot, RemotePilot | GamepadPilot) and not json:
+        if isinstance(pilot, RemoteOperator | GamepadOperator) and not json:
             print(BUTTONS)
         return _walk(bundle, options, pilot, record, report, json)
 
 
 def _walk(
     bundle: Bundle,
-    settings: Settings,
-    pilot: Pilot,
+    settings: RuntimeSettings,
+    pilot: Operator,
     record: Path | None,
     percentiles: bool,
     json: bool,
@@ -116,11 +121,11 @@ def _walk(
     with (
         nullcontext() if recorder is None else closing(recorder),
         closing(open_link(settings, bundle.robot)) as link,
-        closing(Service(os.environ)) as service,
+        closing(SystemdNotifier(os.environ)) as service,
     ):
         daemon = Daemon(bundle, settings, pilot)
         realtime.enter(settings.realtime)
-        understudy = Understudy(bundle, settings)
+        understudy = CacheWarmer(bundle, settings)
         keep = recorder and recorder.keep
         loop = Loop(daemon, link, settings.realtime, keep, service, understudy)
         loop.run(settings.link.startup_timeout)
@@ -139,12 +144,12 @@ def _walk(
 @contextmanager
 def _leading(
     bundle: Bundle,
-    settings: Settings,
+    settings: RuntimeSettings,
     flags: dict[str, Any],
     seconds: float | None,
     gamepad: Path | None,
     commands: Path | None,
-) -> Iterator[Pilot]:
+) -> Iterator[Operator]:
     """The one pilot that was asked for; by default it is the person with the remote."""
     ranges = bundle.table.commands
     leaders = [f"--{name}" for name in flags]
@@ -156,16 +161,16 @@ def _leading(
     frequency, deadband = ranges.middle_frequency, settings.steering.deadband
     if gamepad:
         device = None if str(gamepad) == "auto" else gamepad
-        with closing(GamepadPilot(open_gamepad(device), ranges, frequency, deadband)) as pilot:
+        with closing(GamepadOperator(open_gamepad(device), ranges, frequency, deadband)) as pilot:
             yield pilot
     elif commands:
         silence = settings.steering.silence
-        with closing(SocketPilot(commands, frequency, silence)) as pilot:
+        with closing(SocketOperator(commands, frequency, silence)) as pilot:
             yield pilot
     elif flags:
-        yield FlagPilot(ranges, seconds=seconds, **flags)
+        yield FlagOperator(ranges, seconds=seconds, **flags)
     else:
-        yield RemotePilot(ranges, frequency, deadband)
+        yield RemoteOperator(ranges, frequency, deadband)
 
 
 def _contents(bundle: Bundle, steps: int) -> dict[str, Any]:

@@ -27,20 +27,20 @@ from rmll_hil.emulator import Emulator
 from rmll_hil.emulator import Settings as EmulatorSettings
 from rmll_hil.faults import parse_plan
 from rmll_hil.sensors import Noise, roll_pitch_yaw
-from rmll_onboard import mit_wire
-from rmll_onboard.a1_wire import RobotState
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.can_layout import Layout
-from rmll_onboard.pilot import Orders
-from rmll_onboard.remote import Remote
-from rmll_onboard.sensor_monitor import IN_A_WALK, SensorMonitor, Streams
-from rmll_onboard.settings import Settings
-from rmll_onboard.supervisor import NS, Mode, Request
+from rmll_onboard.commands.operator import OperatorCommand
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.interface.can_layout import Layout
+from rmll_onboard.protocol import mit_packets
+from rmll_onboard.protocol.a1_remote import Remote
+from rmll_onboard.safety.sensor_monitor import IN_A_WALK, SensorMonitor
+from rmll_onboard.settings.runtime_settings import RuntimeSettings
+from rmll_onboard.state.modes import NS, Mode, Request
+from rmll_onboard.state.robot_state import RobotState, Streams
 from rmll_robots import A1
 
 Engine = Literal["emulator", "trainer", "both"]
 POLICIES = sorted((Path(__file__).parents[2] / "policies").glob("*.onnx"))
-SAFETY = Settings().safety
+SAFETY = RuntimeSettings().safety
 LIMITS = {
     "orientation_error": SAFETY.orientation_error,
     "speed_error": SAFETY.speed_error,
@@ -94,7 +94,7 @@ class Wanderer:
         self._until = 0
         self._command = 0.0, 0.0, ranges.frequency[0]
 
-    def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
+    def orders(self, now: int, mode: Mode, remote: Remote) -> OperatorCommand:
         if mode is Mode.WALKING and self._began is None:
             self._began = now
         if now >= self._until:
@@ -108,7 +108,7 @@ class Wanderer:
             wish = {Mode.DAMPING: Request.STAND, Mode.STANDING: Request.WALK}.get(mode)
         else:
             wish = Request.SIT if now - self._began > self._seconds * NS else None
-        return Orders(wish, self._command)
+        return OperatorCommand(wish, self._command)
 
     def finished(self, mode: Mode, fault: str | None) -> bool:
         return fault is not None or (self._began is not None and mode is Mode.DAMPING)
@@ -119,7 +119,7 @@ def emulated(number: int) -> dict[str, Any]:
     policy, rough, can = POLICIES[number % 8], number // 8 % 2, number // 16 % 2
     random = np.random.default_rng(number)
     bundle = load_bundle(policy)
-    settings = Settings().over("can" if can else "udp")
+    settings = RuntimeSettings().over("can" if can else "udp")
     kicks = [
         {"fault": "kick", "at": float(at), "velocity": random.uniform(-0.7, 0.7, 2).tolist()}
         for at in np.arange(6.0, EMULATED, 4.0)
@@ -164,7 +164,7 @@ class Robots:
         self.extremes = Extremes()
         self._simulation = simulation
         self._random = np.random.default_rng(seed)
-        self._layout = Layout(Settings().can, A1)
+        self._layout = Layout(RuntimeSettings().can, A1)
         self._acc = slice(*_where(simulation._model, "imu_acc"))
         n = simulation.num
         self._bias = self._random.normal(0, NOISE.gyro_bias, (n, 3))
@@ -209,9 +209,9 @@ class Robots:
     def _over_can(self, q: Any, dq: Any, tau: Any, quaternion: Any, gyro: Any) -> None:
         """What CAN makes of every second robot's state, in place."""
         layout, odd = self._layout, slice(1, None, 2)
-        position, velocity, torque = mit_wire.measured(
+        position, velocity, torque = mit_packets.measured(
             layout.ranges,
-            mit_wire.measure(
+            mit_packets.measure(
                 layout.ranges,
                 layout.to_actuator(q[odd]),
                 layout.sign * dq[odd],

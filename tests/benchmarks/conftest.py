@@ -12,10 +12,10 @@ import pytest
 
 from rmll_hil import lockstep
 from rmll_hil.emulator import Emulator, Settings
-from rmll_onboard.bundle import Bundle, load_bundle
-from rmll_onboard.link import UdpLink
-from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.tick import Tick
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.control.bundle import Bundle, load_bundle
+from rmll_onboard.interface.transport import UdpTransport
+from rmll_onboard.recording.telemetry import Tick
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 SECONDS = 20.0
@@ -33,12 +33,12 @@ def bundle(trot: Path) -> Bundle:
 
 
 @pytest.fixture(scope="session")
-def new_pilot(bundle: Bundle) -> Callable[[], FlagPilot]:
-    return lambda: FlagPilot(bundle.table.commands, vx=0.5, seconds=SECONDS)
+def new_pilot(bundle: Bundle) -> Callable[[], FlagOperator]:
+    return lambda: FlagOperator(bundle.table.commands, vx=0.5, seconds=SECONDS)
 
 
 @pytest.fixture(scope="session")
-def walk(bundle: Bundle, new_pilot: Callable[[], FlagPilot]) -> list[Tick]:
+def walk(bundle: Bundle, new_pilot: Callable[[], FlagOperator]) -> list[Tick]:
     """Every tick of a walk with physics, from lying to lying."""
     ticks: list[Tick] = []
     emulator = Emulator(Settings(), robot=bundle.robot)
@@ -47,11 +47,11 @@ def walk(bundle: Bundle, new_pilot: Callable[[], FlagPilot]) -> list[Tick]:
 
 
 @pytest.fixture
-def wire() -> Iterator[tuple[socket.socket, UdpLink]]:
+def wire() -> Iterator[tuple[socket.socket, UdpTransport]]:
     """The robot's end of UDP on loopback, and ours."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
         robot.bind(("127.0.0.1", 0))
-        with closing(UdpLink(f"127.0.0.1:{robot.getsockname()[1]}")) as link:
+        with closing(UdpTransport(f"127.0.0.1:{robot.getsockname()[1]}")) as link:
             link.send(b"hello")
             _, ours = robot.recvfrom(100)
             robot.connect(ours)

@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from rmll_onboard import a1_wire
-from rmll_onboard.bundle import Bundle
-from rmll_onboard.controller import Controller, Sensed, prove
+from rmll_onboard.control.bundle import Bundle
+from rmll_onboard.control.controller import Controller, PolicyInput, prove
+from rmll_onboard.protocol import a1_packets
 from rmll_robots import A1
 
 
 @pytest.fixture
 def state() -> bytes:
     """A robot that stands at its default pose."""
-    standing = a1_wire.RobotState()
+    standing = a1_packets.RobotState()
     standing.q[:] = A1.default_pose
     standing.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
     standing.foot_force[:] = 60
-    return a1_wire.encode_state(standing)
+    return a1_packets.encode_state(standing)
 
 
 def test_bare_onnxruntime(benchmark, bundle: Bundle) -> None:
@@ -28,7 +28,7 @@ def test_bare_onnxruntime(benchmark, bundle: Bundle) -> None:
 def test_controller_step(benchmark, bundle: Bundle) -> None:
     controller = Controller(bundle)
     feet, joints = np.ones(4, bool), A1.default_pose.copy()
-    sensed = Sensed(joints, np.zeros(12), np.array([0.0, 0.0, -1.0]), np.zeros(3))
+    sensed = PolicyInput(joints, np.zeros(12), np.array([0.0, 0.0, -1.0]), np.zeros(3))
     benchmark(controller.step, feet, ~feet, sensed, (0.5, 0.0, 9.0))
 
 
@@ -37,12 +37,12 @@ def test_proving_a_bundle(benchmark, bundle: Bundle) -> None:
 
 
 def test_crc(benchmark, state: bytes) -> None:
-    benchmark(a1_wire.crc, state[: a1_wire.protected(len(state))])
+    benchmark(a1_packets.crc, state[: a1_packets.protected(len(state))])
 
 
 def test_decode_state(benchmark, state: bytes) -> None:
-    benchmark(a1_wire.StateDecoder().decode, state)
+    benchmark(a1_packets.StateDecoder().decode, state)
 
 
 def test_encode_command(benchmark) -> None:
-    benchmark(a1_wire.CommandEncoder().encode, a1_wire.MotorCommand())
+    benchmark(a1_packets.CommandEncoder().encode, a1_packets.MotorCommand())

@@ -3,11 +3,11 @@
 import time
 from contextlib import closing
 
-from rmll_onboard.about import describe
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.recorder import Recorder
-from rmll_onboard.settings import Settings
-from rmll_onboard.tick import Witness
+from rmll_onboard.recording.log_metadata import describe
+from rmll_onboard.recording.recorder import Recorder
+from rmll_onboard.runtime.daemon import Daemon
+from rmll_onboard.runtime.tick_listener import TickListener
+from rmll_onboard.settings.runtime_settings import RuntimeSettings
 
 PACE = 0.005
 """[s] between ticks"""
@@ -15,13 +15,13 @@ PACE = 0.005
 
 def test_handing_over_a_tick(benchmark, bundle, new_pilot, walk, tell, tmp_path) -> None:
     """Once the command is sent, so that none of it comes between state and command."""
-    daemon = Daemon(bundle, Settings(), new_pilot())
-    about = describe(bundle, Settings(), real_time=True)
+    daemon = Daemon(bundle, RuntimeSettings(), new_pilot())
+    about = describe(bundle, RuntimeSettings(), real_time=True)
     plain, policy = [], []
 
     def record() -> None:
         with closing(Recorder(tmp_path / "walk.mcap", about, 1000)) as recorder:
-            witness = Witness(daemon, recorder.keep)
+            witness = TickListener(daemon, recorder.keep)
             for tick in walk[:2000]:
                 time.sleep(PACE)
                 answer = daemon.tick(tick.now, tick.datagrams)

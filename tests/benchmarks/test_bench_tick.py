@@ -25,15 +25,16 @@ from onnxruntime import OrtValue
 
 from rmll_contract import observation
 from rmll_gaits.errors import Failure
-from rmll_onboard import realtime
-from rmll_onboard.a1_wire import LOW_CMD_LENGTH, MotorCommand, decode_state, encode_command
-from rmll_onboard.bundle import Bundle
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.link import UdpLink
-from rmll_onboard.loop import Loop
-from rmll_onboard.sensor_monitor import SensorMonitor, Streams
-from rmll_onboard.settings import Realtime, Settings
-from rmll_onboard.understudy import Understudy
+from rmll_onboard.control.bundle import Bundle
+from rmll_onboard.interface.transport import UdpTransport
+from rmll_onboard.protocol.a1_packets import LOW_CMD_LENGTH, decode_state, encode_command
+from rmll_onboard.runtime import realtime
+from rmll_onboard.runtime.cache_warmup import CacheWarmer
+from rmll_onboard.runtime.daemon import Daemon
+from rmll_onboard.runtime.loop import Loop
+from rmll_onboard.safety.sensor_monitor import SensorMonitor
+from rmll_onboard.settings.runtime_settings import Realtime, RuntimeSettings
+from rmll_onboard.state.robot_state import MotorCommand, Streams
 
 ROUNDS = 2000
 FLOOR_SECONDS, WALK_SECONDS = 6.0, 15.0
@@ -111,7 +112,9 @@ def timed(call: Callable[[], Any], before: Callable[[], Any]) -> list[float]:
 class Replayed:
     """A daemon that is sent a recorded walk over UDP, a tick a call."""
 
-    def __init__(self, daemon: Daemon, walk: list, robot: socket.socket, link: UdpLink) -> None:
+    def __init__(
+        self, daemon: Daemon, walk: list, robot: socket.socket, link: UdpTransport
+    ) -> None:
         self.daemon, self._robot, self.link = daemon, robot, link
         self._ticks: Iterator = iter(walk)
         self._now = 0
@@ -137,7 +140,7 @@ class Replayed:
 @pytest.fixture
 def replayed(bundle: Bundle, walk, new_pilot, wire) -> Replayed:
     """In the midst of walking."""
-    daemon = Daemon(bundle, Settings(), new_pilot())
+    daemon = Daemon(bundle, RuntimeSettings(), new_pilot())
     replayed = Replayed(daemon, walk, *wire)
     while not daemon.policy_ran:
         replayed.send_state()
@@ -193,7 +196,7 @@ class Stopwatch:
 
 
 def watch_stages(
-    watch: Stopwatch, monkeypatch: pytest.MonkeyPatch, daemon: Daemon, link: UdpLink
+    watch: Stopwatch, monkeypatch: pytest.MonkeyPatch, daemon: Daemon, link: UdpTransport
 ) -> None:
     """No stage is within another one; what belongs to none is told as the rest."""
     controller, guard, supervisor = daemon.controller, daemon._guard, daemon._supervisor
@@ -246,10 +249,10 @@ def test_stages_at_the_real_pace(
 ) -> None:
     """In this process; beside :func:`test_tick_at_the_real_pace` it pays for the stopwatch."""
     watch = Stopwatch()
-    daemon = Daemon(bundle, Settings(), new_pilot())
-    with emulated() as address, closing(UdpLink(address)) as link:
+    daemon = Daemon(bundle, RuntimeSettings(), new_pilot())
+    with emulated() as address, closing(UdpTransport(address)) as link:
         watch_stages(watch, monkeypatch, daemon, link)
-        understudy = Understudy(bundle, Settings())
+        understudy = CacheWarmer(bundle, RuntimeSettings())
         loop = Loop(daemon, link, PACES[pace], lambda tick: watch.lap(daemon), None, understudy)
         benchmark.pedantic(loop.run, args=(5.0,), rounds=1)
     assert daemon.fault is None
@@ -300,7 +303,7 @@ def test_tick_at_the_real_pace(
 
 def test_sensor_checks(benchmark, tell, bundle: Bundle, walk) -> None:
     """What a packet's sensors cost: all of it, as in a tick; at most 15 us at p50."""
-    safety = Settings().safety
+    safety = RuntimeSettings().safety
     monitor = SensorMonitor(bundle.robot, safety, Streams(True, True, True), 1e-3)
     states = [(tick.now, decode_state(tick.datagrams[-1])) for tick in walk if tick.datagrams]
     took = []

@@ -13,18 +13,18 @@ from rmll_eval.conformance import conformance, walks
 from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait
 from rmll_gaits.pose import to_label
-from rmll_onboard.about import FORMAT, About, versions
-from rmll_onboard.flight_log import FlightLog
-from rmll_onboard.mcap_file import log_file
-from rmll_onboard.tick import Inside, Tick
+from rmll_onboard.recording.flight_log import FlightLog
+from rmll_onboard.recording.log_metadata import FORMAT, LogMetadata, versions
+from rmll_onboard.recording.mcap_writer import log_file
+from rmll_onboard.recording.telemetry import ControllerSample, Tick
 
 TROT = load_gait("trot")
 FIRST, SECOND = to_label("FL BR"), to_label("FR BL")
 STEP = 20_000_000
 
 
-def about() -> About:
-    return About(
+def about() -> LogMetadata:
+    return LogMetadata(
         format=FORMAT, gait="trot", policy="trot.onnx", digest="", control_hz=200, settings={},
         table=TROT.to_dict(), columns=[], arguments=[], versions=versions(), started="",
         unix_offset_ns=0,
@@ -40,7 +40,7 @@ def write(path: Path, steps: list[tuple], c_f: float = 8.0) -> FlightLog:
             resting = isinstance(step, str)
             mode, (label, state, phi) = (step, (15, 0, 0)) if resting else ("walking", step)
             command = (0.0, 0.0, 0.0 if resting else c_f)
-            inside = Inside(mode, "", label, state, phi, False, False, command, b"")
+            inside = ControllerSample(mode, "", label, state, phi, False, False, command, b"")
             tick = Tick(number, number * STEP, [], b"", None, command, False, False, inside)
             file.add(tick)
     return FlightLog(path)
@@ -104,7 +104,7 @@ def test_a_damaged_chunk_splits_a_walk_and_is_told(tmp_path):
     path = tmp_path / "log.mcap"
     with log_file(path, about()) as file:
         for number, step in enumerate(trot(10)):
-            inside = Inside("walking", "", *step, False, False, (0.0, 0.0, 8.0), b"")
+            inside = ControllerSample("walking", "", *step, False, False, (0.0, 0.0, 8.0), b"")
             tick = Tick(number, number * STEP, [], b"", None, (0.0, 0.0, 8.0), False, False, inside)
             file.add(tick)
             if number in (60, 100):
@@ -135,7 +135,7 @@ def test_a_log_without_a_walk_or_with_a_strange_one_is_refused(tmp_path):
         pass
     with pytest.raises(InputError, match=r"slow\.mcap: its gait dwells 1e\+308 times c_f"):
         walks(FlightLog(tmp_path / "slow.mcap"))
-    strange = Inside("walking", "", 0, 0, 0, False, False, (0.0, 0.0, 8.0), b"")
+    strange = ControllerSample("walking", "", 0, 0, 0, False, False, (0.0, 0.0, 8.0), b"")
     with log_file(tmp_path / "odd.mcap", about()) as file:
         file.add(Tick(0, 0, [], b"", None, (0.0, 0.0, 0.0), False, False, strange))
     data = (tmp_path / "odd.mcap").read_bytes()

@@ -8,8 +8,8 @@ import pytest
 
 from rmll_eval.policy import find
 from rmll_gaits.errors import InputError
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.controller import prove
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.control.controller import prove
 
 POLICIES = Path(__file__).parents[2] / "policies"
 

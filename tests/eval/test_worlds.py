@@ -15,7 +15,7 @@ from rmll_eval.trial import Trial
 from rmll_export.checkpoint import read
 from rmll_export.graph import build
 from rmll_gaits.errors import InputError
-from rmll_onboard.bundle import load_bundle
+from rmll_onboard.control.bundle import load_bundle
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 FLAT = Conditions()

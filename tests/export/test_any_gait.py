@@ -22,9 +22,9 @@ from rmll_gaits.table import MachineTable
 from rmll_hil import lockstep
 from rmll_hil.emulator import Emulator
 from rmll_hil.emulator import Settings as EmulatorSettings
-from rmll_onboard.bundle import Bundle, load_bundle
-from rmll_onboard.controller import prove
-from rmll_onboard.pilot import FlagPilot
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.control.bundle import Bundle, load_bundle
+from rmll_onboard.control.controller import prove
 from rmll_train.settings import Learner, Settings, World
 from rmll_train.training import Run
 
@@ -97,7 +97,7 @@ def trained(table: MachineTable, loudness: float, mistakes: str, folder: Path) -
 def walked(bundle: Bundle) -> dict[str, Any]:
     """What the daemon reports of a second's walk at the end of the gait's commands."""
     commands = bundle.table.commands
-    pilot = FlagPilot(commands, commands.vx[1], commands.wz[0], None, 1.0)
+    pilot = FlagOperator(commands, commands.vx[1], commands.wz[0], None, 1.0)
     emulator = Emulator(EmulatorSettings(), robot=bundle.robot, plan=[])
     return lockstep.walk(emulator, bundle, pilot, lambda _: None).report
 
@@ -150,7 +150,7 @@ def test_a_bundle_that_the_daemon_would_refuse_is_not_written(
     """For what reason soever: here, that its trainer and its daemon clip actions differently."""
     table = compile_gait(read_spec(LIMP, "limp.yaml"))
     checkpoint = read(trained(table, 1e3, "unpaid", tmp_path / "run"))
-    monkeypatch.setattr("rmll_onboard.controller.TRACE_TOLERANCE", -1.0)
+    monkeypatch.setattr("rmll_onboard.control.controller.TRACE_TOLERANCE", -1.0)
     (tmp_path / "out").mkdir()
     with pytest.raises(Failure, match=r"the daemon would refuse it: limp\.onnx: the golden trace"):
         export(checkpoint, tmp_path / "out" / "limp.onnx")

@@ -4,7 +4,7 @@ import pytest
 
 from rmll_hil.board import BRAKE_KD, Board
 from rmll_hil.world import World, load
-from rmll_onboard.a1_wire import MODE_BRAKE, MODE_SERVO, POS_STOP, VEL_STOP, MotorCommand
+from rmll_onboard.state.robot_state import MODE_BRAKE, MODE_SERVO, POS_STOP, VEL_STOP, MotorCommand
 from rmll_robots import A1
 
 

@@ -6,13 +6,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rmll_hil.can_robot import CanRobot
-from rmll_onboard.a1_wire import MODE_BRAKE, MODE_SERVO, POS_STOP, MotorCommand, RobotState
-from rmll_onboard.can_frames import Frame, pack, unpack
-from rmll_onboard.can_settings import Actuator, Bus, Can, Imu, Model
-from rmll_onboard.can_wire import CanWire
-from rmll_onboard.leg_force import LegForce
-from rmll_onboard.mit_wire import ENTER, EXIT, Variant
-from rmll_onboard.settings import Link
+from rmll_onboard.control.leg_force import LegForce
+from rmll_onboard.interface.can_interface import CanInterface
+from rmll_onboard.protocol.can_frame import Frame, pack, unpack
+from rmll_onboard.protocol.mit_packets import ENTER, EXIT, Variant
+from rmll_onboard.settings.can_settings import Actuator, Bus, Can, Imu, Model
+from rmll_onboard.settings.runtime_settings import LinkSettings
+from rmll_onboard.state.robot_state import (
+    MODE_BRAKE,
+    MODE_SERVO,
+    POS_STOP,
+    MotorCommand,
+    RobotState,
+)
 from rmll_robots import A1
 
 PERIOD = 5_000_000
@@ -46,7 +52,7 @@ class Pair:
 
     def __init__(self, can: Can) -> None:
         self.robot = CanRobot(can, A1)
-        self.wire = CanWire(Link(), can, A1)
+        self.wire = CanInterface(LinkSettings(), can, A1)
         self.state = RobotState(quaternion=np.array([1.0, 0, 0, 0]), q=A1.stand_pose.copy())
         self.now = 0
         self.command = MotorCommand(q=A1.stand_pose.copy(), kd=np.full(12, 5.0))

@@ -9,7 +9,7 @@ import can
 import pytest
 
 from rmll_hil.serve_can import on_free_ports
-from rmll_onboard.can_settings import Can
+from rmll_onboard.settings.can_settings import Can
 
 PATIENT = """
 safety: {stale_ms: 1000, missed_ticks: 400, frozen_ms: 5000, obedience_ms: 1000, torque_error: 100,

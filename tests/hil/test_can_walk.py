@@ -13,15 +13,17 @@ from rmll_hil.can_robot import CanRobot
 from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.metrics import summary
 from rmll_hil.outcome import Outcome
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.can_frames import pack, unpack
-from rmll_onboard.can_layout import Layout
-from rmll_onboard.can_link import CanLink
-from rmll_onboard.can_settings import Bus, Can
-from rmll_onboard.can_wire import CanWire
-from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.settings import Link
-from rmll_onboard.settings import Settings as DaemonSettings
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.interface.can_interface import CanInterface
+from rmll_onboard.interface.can_layout import Layout
+from rmll_onboard.interface.can_transport import CanTransport
+from rmll_onboard.protocol.can_frame import pack, unpack
+from rmll_onboard.settings.can_settings import Bus, Can
+from rmll_onboard.settings.runtime_settings import LinkSettings
+from rmll_onboard.settings.runtime_settings import (
+    RuntimeSettings as DaemonSettings,
+)
 from rmll_robots import A1
 
 ROOT = Path(__file__).parents[2]
@@ -41,8 +43,8 @@ class OnBuses(Emulator):
         self.actuators = CanRobot(can, A1)
         super().__init__(settings, wire=self.actuators)
         layout = Layout(can, A1)
-        self.near = CanLink(can.buses, layout.answers())
-        self.far = CanLink(can.buses, layout.commands())
+        self.near = CanTransport(can.buses, layout.answers())
+        self.far = CanTransport(can.buses, layout.commands())
         self.silent: set[int] = set()
         """First bytes of the replies that are lost on the first bus"""
         self.fails_at: dict[int, Any] = {}
@@ -79,8 +81,8 @@ def emulator(can: Can) -> Iterator[OnBuses]:
 
 def walk(emulator: OnBuses, can: Can, seconds: float, vx: float = 0.5) -> Outcome:
     bundle = load_bundle(TROT)
-    pilot = FlagPilot(bundle.table.commands, vx, seconds=seconds)
-    settings = DaemonSettings(link=Link(kind="can"), can=can)
+    pilot = FlagOperator(bundle.table.commands, vx, seconds=seconds)
+    settings = DaemonSettings(link=LinkSettings(kind="can"), can=can)
     return lockstep.walk(emulator, bundle, pilot, lambda _: None, settings=settings)
 
 
@@ -111,7 +113,7 @@ def test_an_actuator_that_falls_silent_damps_the_robot(emulator: OnBuses, can: C
     assert damped_after(outcome, 6000) <= 75
     assert_damped(emulator)
     # the farewell is long enough for the robot to sink; only then do the actuators go limp
-    end = outcome.truth["time_ns"] >= (6.1 + CanWire.farewell) * 1e9
+    end = outcome.truth["time_ns"] >= (6.1 + CanInterface.farewell) * 1e9
     assert outcome.truth["position"][end, 2].max() < 0.15
 
 

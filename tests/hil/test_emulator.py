@@ -7,13 +7,8 @@ from rmll_gaits.errors import Failure, InputError
 from rmll_hil import emulator as emulator_module
 from rmll_hil.emulator import TRUTH_MS, Emulator, Settings
 from rmll_hil.sensors import QUIET
-from rmll_onboard.a1_wire import (
-    MODE_BRAKE,
-    MODE_SERVO,
-    MotorCommand,
-    decode_state,
-    encode_command,
-)
+from rmll_onboard.protocol.a1_packets import decode_state, encode_command
+from rmll_onboard.state.robot_state import MODE_BRAKE, MODE_SERVO, MotorCommand
 from rmll_robots import A1
 
 TICK_MS = 5

@@ -14,7 +14,7 @@ from rmll_hil.empty_loop import EmptyLoop
 from rmll_hil.fault_rows import ROWS, Reaction, Row
 from rmll_hil.fault_table import Result, markdown, provoke, provoke_once
 from rmll_hil.fault_trial import Trial
-from rmll_onboard import loop
+from rmll_onboard.runtime import loop
 from rmll_robots import A1
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"

@@ -14,17 +14,11 @@ from rmll_hil.fault_rows import ROWS
 from rmll_hil.faults import KINDS, Network, Push, load_plan, parse_plan
 from rmll_hil.network import Way
 from rmll_hil.sensors import QUIET
-from rmll_onboard import remote
-from rmll_onboard.a1_wire import (
-    MODE_SERVO,
-    BadPacket,
-    MotorCommand,
-    Reason,
-    check_state,
-    decode_state,
-    encode_command,
-)
-from rmll_onboard.remote import Button
+from rmll_onboard.protocol import a1_remote
+from rmll_onboard.protocol.a1_packets import check_state, decode_state, encode_command
+from rmll_onboard.protocol.a1_remote import Button
+from rmll_onboard.state.packet_errors import BadPacket, Reason
+from rmll_onboard.state.robot_state import MODE_SERVO, MotorCommand
 from rmll_robots import A1
 
 BRAKE = encode_command(MotorCommand())
@@ -228,12 +222,12 @@ def test_a_braked_joint_says_so() -> None:
 
 def test_the_remote_is_pressed_released_and_lost() -> None:
     emulator = robot(
-        {"fault": "remote", "seconds": 0.1, "buttons": ["L2", "B"], "ly": -0.5},
+        {"fault": "a1_remote", "seconds": 0.1, "buttons": ["L2", "B"], "ly": -0.5},
         {"fault": "remote_lost", "at": 0.2},
     )
     held, released, lost = (decode_state(pass_time(emulator, 80)).remote for _ in range(3))
-    assert remote.decode(held).buttons == Button.L2 | Button.B
-    assert remote.decode(held).ly == -0.5
-    assert remote.decode(released) == remote.Remote()
+    assert a1_remote.decode(held).buttons == Button.L2 | Button.B
+    assert a1_remote.decode(held).ly == -0.5
+    assert a1_remote.decode(released) == a1_remote.Remote()
     assert any(released)
     assert not any(lost)

@@ -11,12 +11,12 @@ from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.feet_table import CASES, TOLERANCE, Case
 from rmll_hil.outcome import Outcome
 from rmll_hil.sensors import FootUnits, Noise
-from rmll_onboard import daemon
-from rmll_onboard.a1_wire import RobotState
-from rmll_onboard.bundle import Bundle, load_bundle
-from rmll_onboard.foot_contact import FootContact
-from rmll_onboard.pilot import FlagPilot, Orders
-from rmll_onboard.supervisor import NS, Mode, Request
+from rmll_onboard.commands.operator import FlagOperator, OperatorCommand
+from rmll_onboard.control.bundle import Bundle, load_bundle
+from rmll_onboard.control.contact_estimator import ContactEstimator
+from rmll_onboard.runtime import daemon
+from rmll_onboard.state.modes import NS, Mode, Request
+from rmll_onboard.state.robot_state import RobotState
 from rmll_robots import A1
 
 POLICIES = Path(__file__).parents[2] / "policies"
@@ -50,7 +50,7 @@ def bundle(gait: str = "trot") -> Bundle:
 
 def walk(emulator: Emulator, gait: str = "trot", seconds: float = 5.0, **command) -> Outcome:
     policy = bundle(gait)
-    pilot = FlagPilot(policy.table.commands, **{"vx": 0.5, **command}, seconds=seconds)
+    pilot = FlagOperator(policy.table.commands, **{"vx": 0.5, **command}, seconds=seconds)
     return lockstep.walk(emulator, policy, pilot, lambda _: None)
 
 
@@ -120,12 +120,12 @@ class Led:
     def __init__(self) -> None:
         self._over = False
 
-    def orders(self, now: int, mode: Mode, remote: object) -> Orders:
+    def orders(self, now: int, mode: Mode, remote: object) -> OperatorCommand:
         request = next((r for end, r in self.PLAN if now < end * NS), Request.SIT)
         self._over = request is Request.SIT and mode is Mode.DAMPING
         if mode is Mode.DAMPING and request is not Request.SIT:
             request = Request.STAND
-        return Orders(request, (0.5, 0.0, 9.0))
+        return OperatorCommand(request, (0.5, 0.0, 9.0))
 
     def finished(self, mode: Mode, fault: str | None) -> bool:
         return fault is not None or self._over
@@ -196,7 +196,7 @@ def test_too_noisy_a_sensor_is_named_and_the_walk_holds(gait) -> None:
     assert all("too noisy" in doubt or "the leg bears" in doubt for doubt in doubts.values())
 
 
-class Deaf(FootContact):
+class Deaf(ContactEstimator):
     """Feels no foot that comes down."""
 
     def step(self, *arguments):
@@ -205,7 +205,7 @@ class Deaf(FootContact):
 
 
 def test_a_stuck_gait_says_whose_contact_it_awaited(monkeypatch) -> None:
-    monkeypatch.setattr(daemon, "FootContact", Deaf)
+    monkeypatch.setattr(daemon, "ContactEstimator", Deaf)
     warnings = walk(Feet(dying([0, 3], 7)), seconds=6.0).report["warnings"]
     (stuck,) = {text for text in warnings if "stuck" in text}
     assert " policy steps without a transition; awaited " in stuck
@@ -226,14 +226,14 @@ def test_a_feet_table_holds_what_is_learnt_against_what_is_told() -> None:
 
 
 def test_a_feet_table_shows_a_walk_that_is_worse(monkeypatch) -> None:
-    monkeypatch.setattr(daemon, "FootContact", FixedThresholds)
+    monkeypatch.setattr(daemon, "ContactEstimator", FixedThresholds)
     case = Case("far off", FootUnits(0.2, 0.0))
     (worse,) = feet_table.walk_all([case], [POLICIES / "trot.onnx"], 3.0, jobs=1)
     assert not worse.as_expected
     assert "**" in feet_table.entry(worse)
 
 
-class FixedThresholds(FootContact):
+class FixedThresholds(ContactEstimator):
     """Contacts as from a guess of the unit, but for those that are told it."""
 
     def step(self, state, gravity, down, look):
@@ -245,5 +245,5 @@ class FixedThresholds(FootContact):
 
 def test_an_estimate_by_a_guess_does_not_walk(monkeypatch) -> None:
     """The tests above mean something."""
-    monkeypatch.setattr(daemon, "FootContact", FixedThresholds)
+    monkeypatch.setattr(daemon, "ContactEstimator", FixedThresholds)
     assert walk(Feet(units=FootUnits(0.5))).report["adherence"] < 0.5

@@ -7,10 +7,10 @@ import pytest
 from rmll_hil.fault_rows import ROWS, Reaction
 from rmll_hil.golden import FAULT_PREFIX, FAULTS, FOLDER
 from rmll_hil.replay import find_bundle, replay
-from rmll_onboard.a1_wire import decode_command
-from rmll_onboard.about import versions
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.flight_log import FlightLog
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.protocol.a1_packets import decode_command
+from rmll_onboard.recording.flight_log import FlightLog
+from rmll_onboard.recording.log_metadata import versions
 
 ROOT = Path(__file__).parents[2]
 POLICIES = ROOT / "policies"

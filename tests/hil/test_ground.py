@@ -17,9 +17,10 @@ from rmll_hil import lockstep
 from rmll_hil.emulator import TRUTH_MS, Emulator, Settings
 from rmll_hil.metrics import summary
 from rmll_hil.world import push
-from rmll_onboard.a1_wire import MotorCommand, encode_command
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.pilot import FlagPilot
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.protocol.a1_packets import encode_command
+from rmll_onboard.state.robot_state import MotorCommand
 from rmll_robots import A1
 from rmll_robots.ground import Field, Kind, course, lay
 from rmll_train import terrain
@@ -97,7 +98,7 @@ def test_a_foot_that_lands_hard_is_not_caught_inside_the_ground(timestep: float)
 
 def test_the_trot_walks_on_rough_ground() -> None:
     robot, bundle = emulator("rough"), load_bundle(TROT)
-    pilot = FlagPilot(bundle.table.commands, vx=0.5, seconds=4.0)
+    pilot = FlagOperator(bundle.table.commands, vx=0.5, seconds=4.0)
     outcome = lockstep.walk(robot, bundle, pilot, lambda _: None)
     figures = summary(outcome, "trot", bundle.robot)
     assert figures["seconds"] == 4

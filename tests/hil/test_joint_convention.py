@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from rmll_hil.emulator import Emulator
-from rmll_onboard.a1_wire import MODE_SERVO, MotorCommand, encode_command
+from rmll_onboard.protocol.a1_packets import encode_command
+from rmll_onboard.state.robot_state import MODE_SERVO, MotorCommand
 from rmll_robots import A1
 
 COMMAND_MOTOR, COMMAND_SIZE = 10, 27

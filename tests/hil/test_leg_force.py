@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from rmll_onboard.leg_force import LegForce
+from rmll_onboard.control.leg_force import LegForce
 from rmll_robots import A1
 
 DOWN = np.array([0.0, 0.0, -1.0])

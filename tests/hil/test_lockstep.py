@@ -6,19 +6,19 @@ from rmll_hil import lockstep
 from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.metrics import summary
 from rmll_hil.outcome import Outcome
-from rmll_onboard import settings as onboard
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.settings import Safety
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.settings import runtime_settings as onboard
+from rmll_onboard.settings.runtime_settings import Safety
 from rmll_robots import A1
 
-PATIENT = onboard.Settings(safety=Safety(stuck=100))
+PATIENT = onboard.RuntimeSettings(safety=Safety(stuck=100))
 """A policy that stands makes no transitions"""
 
 
 def stand(bundle: Path, seed: int = 0) -> Outcome:
     loaded = load_bundle(bundle)
-    pilot = FlagPilot(loaded.table.commands, seconds=1.0)
+    pilot = FlagOperator(loaded.table.commands, seconds=1.0)
     emulator = Emulator(Settings(seed=seed))
     return lockstep.walk(emulator, loaded, pilot, lambda _: None, settings=PATIENT)
 
@@ -62,7 +62,7 @@ def test_a_robot_that_is_knocked_over_has_fallen(standing: Path) -> None:
             emulator.world.data.qvel[3] = 8.0  # roll
 
     loaded = load_bundle(standing)
-    pilot = FlagPilot(loaded.table.commands, seconds=10.0)
+    pilot = FlagOperator(loaded.table.commands, seconds=10.0)
     outcome = lockstep.walk(emulator, loaded, pilot, kick, settings=PATIENT)
     figures = summary(outcome, "trot", A1)
     assert figures["fault"].startswith("tilted")

@@ -15,13 +15,13 @@ from rmll_hil import lockstep, metrics
 from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.fault_trial import MOTION
 from rmll_hil.faults import parse_plan
-from rmll_onboard import a1_wire
-from rmll_onboard import settings as onboard
-from rmll_onboard.bundle import Bundle, load_bundle
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.link import UdpLink
-from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.settings import Motion
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.control.bundle import Bundle, load_bundle
+from rmll_onboard.interface.transport import UdpTransport
+from rmll_onboard.protocol import a1_packets
+from rmll_onboard.runtime.daemon import Daemon
+from rmll_onboard.settings import runtime_settings as onboard
+from rmll_onboard.settings.runtime_settings import Motion
 from rmll_robots import A1
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
@@ -37,7 +37,7 @@ def steady(
 ) -> dict[str, float | str | None]:
     """The figures of a trot over a bad network."""
     plan = parse_plan([{"fault": "network", **network}], A1)
-    pilot = FlagPilot(bundle.table.commands, 0.5, seconds=seconds)
+    pilot = FlagOperator(bundle.table.commands, 0.5, seconds=seconds)
     emulator = Emulator(Settings(seed=seed), plan=plan)
     outcome = lockstep.walk(emulator, bundle, pilot, lambda _: None)
     return metrics.summary(outcome, "trot", A1)
@@ -93,10 +93,10 @@ class Hostile:
 
     def _tomorrow(self, good: bytes) -> bytes:
         """A whole state of another day."""
-        state = a1_wire.decode_state(good)
+        state = a1_packets.decode_state(good)
         state.tick = int(self._rng.integers(state.tick + 5000, 2**32))
         state.q[:] = 0
-        return a1_wire.encode_state(state)
+        return a1_packets.encode_state(state)
 
 
 @pytest.mark.fuzz
@@ -104,13 +104,13 @@ def test_a_hundred_thousand_hostile_datagrams(trot: Bundle) -> None:
     """Real sockets, so that those of a stranger are among them; time in lockstep."""
     rng = np.random.default_rng(0)
     hostile, sent = Hostile(rng), 0
-    pilot = FlagPilot(trot.table.commands, 0.5, seconds=12)
-    daemon = Daemon(trot, onboard.Settings(motion=Motion(**MOTION)), pilot)
+    pilot = FlagOperator(trot.table.commands, 0.5, seconds=12)
+    daemon = Daemon(trot, onboard.RuntimeSettings(motion=Motion(**MOTION)), pilot)
     emulator = Emulator()
     board, stranger = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
     with board, stranger:
         board.bind(("127.0.0.1", 0))
-        link = UdpLink("127.0.0.1:{}".format(*board.getsockname()[1:]))
+        link = UdpTransport("127.0.0.1:{}".format(*board.getsockname()[1:]))
         link.send(b"hello")
         _, daemon_address = board.recvfrom(100)
         ticks = []

@@ -19,20 +19,26 @@ from rmll_hil import lockstep
 from rmll_hil.can_robot import CanRobot
 from rmll_hil.emulator import Emulator
 from rmll_hil.replay import differences, find_bundle, replay
-from rmll_onboard.a1_wire import MotorCommand, decode_command, encode_command
-from rmll_onboard.about import describe
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.flight_log import FlightLog
-from rmll_onboard.mcap_file import log_file
-from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.settings import Link, Motion, Safety, Settings
-from rmll_onboard.tick import Tick
-from rmll_onboard.tick_listener import Witness
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.protocol.a1_packets import decode_command, encode_command
+from rmll_onboard.recording.flight_log import FlightLog
+from rmll_onboard.recording.log_metadata import describe
+from rmll_onboard.recording.mcap_writer import log_file
+from rmll_onboard.recording.telemetry import Tick
+from rmll_onboard.runtime.daemon import Daemon
+from rmll_onboard.runtime.tick_listener import TickListener
+from rmll_onboard.settings.runtime_settings import (
+    LinkSettings,
+    Motion,
+    RuntimeSettings,
+    Safety,
+)
+from rmll_onboard.state.robot_state import MotorCommand
 from rmll_robots import A1
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
-BRISK = Settings(
+BRISK = RuntimeSettings(
     motion=Motion(crouch=0.1, rise=0.3, settle=0.1, slow_down=0.2, sit=0.2),
     safety=Safety(stuck=100),  # a policy that stands makes no transitions
 )
@@ -48,8 +54,8 @@ def walked(standing) -> list[Tick]:
     """Told to end after a second and a half, as by Ctrl-C."""
     bundle = load_bundle(standing)
     emulator, ticks, datagrams = Emulator(), [], []
-    daemon = Daemon(bundle, BRISK, FlagPilot(bundle.table.commands))
-    witness = Witness(daemon, ticks.append)
+    daemon = Daemon(bundle, BRISK, FlagOperator(bundle.table.commands))
+    witness = TickListener(daemon, ticks.append)
     while not daemon.finished:
         now = emulator.now_ms * 1_000_000
         answer = daemon.tick(now, datagrams)
@@ -185,10 +191,10 @@ def test_an_empty_log_is_refused(about, standing, tmp_path):
 
 def test_a_walk_over_can_replays_too(standing, tmp_path):
     bundle = load_bundle(standing)
-    settings = msgspec.structs.replace(BRISK, link=Link(kind="can"))
+    settings = msgspec.structs.replace(BRISK, link=LinkSettings(kind="can"))
     emulator = Emulator(wire=CanRobot(settings.can, A1))
     log = tmp_path / "log.mcap"
-    pilot = FlagPilot(bundle.table.commands, seconds=0.5)
+    pilot = FlagOperator(bundle.table.commands, seconds=0.5)
     with log_file(log, describe(bundle, settings, real_time=False)) as file:
         outcome = lockstep.walk(emulator, bundle, pilot, lambda _: None, file.add, settings)
     assert outcome.report["policy_steps"] > 20
@@ -199,8 +205,8 @@ def test_a_walk_over_can_replays_too(standing, tmp_path):
 def test_a_minute_of_trotting_replays_to_the_byte(tmp_path):
     bundle = load_bundle(TROT)
     log = tmp_path / "log.mcap"
-    pilot = FlagPilot(bundle.table.commands, 0.5, 0.1, 8.0, seconds=60.0)
-    with log_file(log, describe(bundle, Settings(), real_time=False)) as file:
+    pilot = FlagOperator(bundle.table.commands, 0.5, 0.1, 8.0, seconds=60.0)
+    with log_file(log, describe(bundle, RuntimeSettings(), real_time=False)) as file:
         outcome = lockstep.walk(Emulator(), bundle, pilot, lambda _: None, file.add)
     assert outcome.report["policy_steps"] >= 3000
     found = replay(FlightLog(log), bundle, lambda _: None)

@@ -16,8 +16,8 @@ import pytest
 from rmll_gaits.errors import InputError
 from rmll_hil import realtime
 from rmll_hil.emulator import Settings
-from rmll_onboard.flight_log import FlightLog
-from rmll_onboard.settings import Motion
+from rmll_onboard.recording.flight_log import FlightLog
+from rmll_onboard.settings.runtime_settings import Motion
 
 FIGURES = [
     *("gait", "seconds", "adherence", "transitions", "off_spec_contact", "vx_error", "wz_error"),

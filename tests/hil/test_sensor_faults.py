@@ -10,9 +10,9 @@ from rmll_hil.can_robot import CanRobot
 from rmll_hil.emulator import Emulator
 from rmll_hil.faults import parse_plan
 from rmll_hil.outcome import Outcome
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.settings import Motion, Settings
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.settings.runtime_settings import Motion, RuntimeSettings
 from rmll_robots import A1
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
@@ -23,10 +23,10 @@ BRISK = Motion(crouch=0.3, rise=0.6, settle=0.2, slow_down=0.3, sit=0.3)
 
 def walk(*plan: dict) -> Outcome:
     bundle = load_bundle(TROT)
-    settings = Settings(motion=BRISK).over("can")
+    settings = RuntimeSettings(motion=BRISK).over("can")
     robot = CanRobot(settings.can, bundle.robot)
     emulator = Emulator(robot=bundle.robot, plan=parse_plan(list(plan), A1), wire=robot)
-    pilot = FlagPilot(bundle.table.commands, vx=0.4, seconds=2.0)
+    pilot = FlagOperator(bundle.table.commands, vx=0.4, seconds=2.0)
     return lockstep.walk(emulator, bundle, pilot, lambda _: None, settings=settings)
 
 

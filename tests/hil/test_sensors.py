@@ -3,15 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from rmll_hil.sensors import (
-    FOOT_BIAS,
-    FOOT_GAIN,
-    QUIET,
-    FootUnits,
-    Noise,
-    Sensors,
-    roll_pitch_yaw,
-)
+from rmll_hil.sensors import FOOT_BIAS, FOOT_GAIN, QUIET, FootUnits, Noise, Sensors, roll_pitch_yaw
 from rmll_hil.world import load
 from rmll_robots import A1
 

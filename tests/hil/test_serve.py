@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rmll_onboard.a1_wire import MODE_BRAKE, MODE_SERVO, MotorCommand, decode_state, encode_command
+from rmll_onboard.protocol.a1_packets import decode_state, encode_command
+from rmll_onboard.state.robot_state import MODE_BRAKE, MODE_SERVO, MotorCommand
 
 BRAKE = encode_command(MotorCommand())
 

@@ -16,15 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 from rmll_gaits.table import MachineTable
 from rmll_hil import lockstep
 from rmll_hil.emulator import Emulator, Settings
-from rmll_onboard import daemon
-from rmll_onboard import settings as onboard
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.controller import Controller, Sensed
-from rmll_onboard.pilot import FlagPilot, Orders
-from rmll_onboard.remote import Remote
-from rmll_onboard.settings import Motion
-from rmll_onboard.stop_sequence import StopSequence
-from rmll_onboard.supervisor import NS, Mode, Request
+from rmll_onboard.commands.operator import FlagOperator, OperatorCommand
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.control.controller import Controller, PolicyInput
+from rmll_onboard.protocol.a1_remote import Remote
+from rmll_onboard.runtime import daemon
+from rmll_onboard.safety.stop_sequence import StopSequence
+from rmll_onboard.settings import runtime_settings as onboard
+from rmll_onboard.settings.runtime_settings import Motion
+from rmll_onboard.state.modes import NS, Mode, Request
 
 Flags = NDArray[np.bool_]
 Signals = tuple[Flags, Flags]
@@ -42,7 +42,7 @@ NUMB = (
 )
 """``touching`` and ``clear`` of feet that feel nothing: neither ever, always down, always up"""
 MOTION = Motion(crouch=0.3, rise=0.6, settle=0.2, sit=0.5)
-SETTINGS = onboard.Settings(motion=MOTION, safety=onboard.Safety(stuck=2.0))
+SETTINGS = onboard.RuntimeSettings(motion=MOTION, safety=onboard.Safety(stuck=2.0))
 """Of docs/stopping.md's table; half bounds that are told later fall more often"""
 
 
@@ -65,13 +65,13 @@ class _Ending:
     by_remote = False
     complaint = None
 
-    def __init__(self, walk: FlagPilot, moment: float, request: Request | None) -> None:
+    def __init__(self, walk: FlagOperator, moment: float, request: Request | None) -> None:
         self._walk, self._moment, self._request = walk, int(moment * NS), request
         self._now = 0
         self._walking: int | None = None
         self.stopped: int | None = None
 
-    def orders(self, now: int, mode: Mode, remote: Remote) -> Orders:
+    def orders(self, now: int, mode: Mode, remote: Remote) -> OperatorCommand:
         self._now = now
         orders = self._walk.orders(now, mode, remote)
         if mode is Mode.WALKING:
@@ -97,7 +97,7 @@ def _controller(told: Signals | None, after: int) -> Iterator[None]:
         heard = 0
 
         def step(
-            self, touching: Flags, clear: Flags, sensed: Sensed, command: ArrayLike
+            self, touching: Flags, clear: Flags, sensed: PolicyInput, command: ArrayLike
         ) -> NDArray[np.float64]:
             self.heard += 1
             if told is not None and self.heard > after and not stops[-1].under_way:
@@ -131,7 +131,7 @@ def end(gait: str, seed: int, numb: bool = True, request: Request | None = None)
     commands = bundle.table.commands
     moment, frequency = float(rng.uniform(1.2, 2.5)), float(rng.choice(commands.whole_frequencies))
     emulator = Emulator(Settings(seed=seed))
-    pilot = _Ending(FlagPilot(commands, SPEED, 0.0, frequency), moment, request)
+    pilot = _Ending(FlagOperator(commands, SPEED, 0.0, frequency), moment, request)
     told = NUMB[seed % len(NUMB)] if numb else None
     with _controller(told, after=int(moment * bundle.contract.policy_hz)):
         outcome = lockstep.walk(emulator, bundle, pilot, lambda _: None, settings=SETTINGS)

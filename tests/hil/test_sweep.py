@@ -7,10 +7,10 @@ import pytest
 from rmll_hil import lockstep, sweep
 from rmll_hil.emulator import Emulator, Settings
 from rmll_hil.outcome import column
-from rmll_onboard import settings as onboard
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.settings import Safety, Steering
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.settings import runtime_settings as onboard
+from rmll_onboard.settings.runtime_settings import Safety, Steering
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 
@@ -18,7 +18,7 @@ TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 def test_the_trot_follows_c_f_from_12_to_6_and_back(tmp_path: Path) -> None:
     bundle = load_bundle(TROT)
     values, seconds = (12.0, 6.0, 12.0), 12.0
-    pilot = FlagPilot(bundle.table.commands, 0.5, 0.0, values, seconds)
+    pilot = FlagOperator(bundle.table.commands, 0.5, 0.0, values, seconds)
     outcome = lockstep.walk(Emulator(Settings(seed=2)), bundle, pilot, lambda _: None)
     assert outcome.report["fault"] is None
     found = sweep.phases(outcome, bundle.table, values, seconds)
@@ -43,9 +43,9 @@ def test_a_walk_that_ends_early_has_figures_of_what_it_reached(standing: Path) -
             emulator.world.data.qvel[3] = 8.0  # roll
 
     values = (12.0, 6.0, 12.0)
-    pilot = FlagPilot(bundle.table.commands, frequency=values, seconds=3.0)
+    pilot = FlagOperator(bundle.table.commands, frequency=values, seconds=3.0)
     # a policy that stands makes no transitions
-    patient = onboard.Settings(safety=Safety(stuck=100))
+    patient = onboard.RuntimeSettings(safety=Safety(stuck=100))
     outcome = lockstep.walk(emulator, bundle, pilot, kick, settings=patient)
     assert outcome.report["fault"]
     found = sweep.phases(outcome, bundle.table, values, 3.0)

@@ -13,13 +13,19 @@ from rmll_contract import observation
 from rmll_contract.contract import Contract, Labels, Trace
 from rmll_contract.onnx_file import graph_sha256
 from rmll_gaits.table import ADVANCE, REJECT, Commands, MachineTable
-from rmll_onboard import a1_wire
-from rmll_onboard.a1_wire import RobotState
-from rmll_onboard.bundle import Bundle, load_bundle
-from rmll_onboard.controller import Controller, Sensed
-from rmll_onboard.leg_force import LegForce
-from rmll_onboard.policy import open_session
-from rmll_onboard.settings import Link, Motion, Safety, Settings, Steering
+from rmll_onboard.control.bundle import Bundle, load_bundle
+from rmll_onboard.control.controller import Controller, PolicyInput
+from rmll_onboard.control.leg_force import LegForce
+from rmll_onboard.control.policy import open_session
+from rmll_onboard.protocol import a1_packets
+from rmll_onboard.settings.runtime_settings import (
+    LinkSettings,
+    Motion,
+    RuntimeSettings,
+    Safety,
+    Steering,
+)
+from rmll_onboard.state.robot_state import RobotState
 from rmll_robots import A1
 
 TROT = 6, 9
@@ -117,7 +123,7 @@ def record_trace(model: bytes, contract: Contract, steps: int = 40) -> Trace:
             "command": np.array([0.5, 0.0, 8.0]),
         }
         touching, clear, *sensed, command = inputs.values()
-        controller.step(touching, clear, Sensed(*sensed), command)
+        controller.step(touching, clear, PolicyInput(*sensed), command)
         answers = {name: getattr(controller, name) for name in rows.keys() - inputs.keys()}
         for name, value in (inputs | answers).items():
             rows[name].append(np.array(value).tolist())
@@ -148,11 +154,11 @@ class KinematicRobot:
 
     def __init__(self) -> None:
         self.state = RobotState(quaternion=np.array([1.0, 0, 0, 0]), q=A1.crouch_pose.copy())
-        self.last: a1_wire.MotorCommand | None = None
+        self.last: a1_packets.MotorCommand | None = None
         self.orientation = np.array([1.0, 0.0, 0.0, 0.0])
 
     def answer(self, datagram: bytes) -> bytes:
-        command = a1_wire.decode_command(datagram)
+        command = a1_packets.decode_command(datagram)
         self.last = command
         state, before = self.state, self.state.q.copy()
         if command.kp.any():
@@ -173,7 +179,7 @@ class KinematicRobot:
         # a calf's torque alone can tell a load, and moves nothing: there is no physics
         newtons = LegForce(A1).step(self.state.q, np.tile([0.0, 0, 1], 4), np.array([0.0, 0, -1]))
         self.state.tau[2::3] = (15.0 * down / newtons).clip(-20, 20)
-        return a1_wire.encode_state(self.state)
+        return a1_packets.encode_state(self.state)
 
     @property
     def damped(self) -> bool:
@@ -210,15 +216,15 @@ def bundle(bundle_path) -> Bundle:
 
 
 @pytest.fixture
-def brisk() -> Settings:
+def brisk() -> RuntimeSettings:
     """All movements in tenths of a second, and commands at once.
 
     That the machine is busy with other tests is no fault of the robot's, nor that its joints move
     without torques, nor that its feet, which keep one pace, then miss a c_f or two.
     """
-    return Settings(
+    return RuntimeSettings(
         safety=Safety(missed_ticks=400, torque_error=100, stuck=10),
-        link=Link(startup_timeout=0.3),
+        link=LinkSettings(startup_timeout=0.3),
         steering=Steering(acceleration=1000, turning=1000, frequency=1000),
         motion=Motion(crouch=0.2, rise=0.2, settle=0.1, slow_down=0.1, sit=0.2),
     )

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from rmll_onboard import a1_wire
-from rmll_onboard.a1_wire import BadPacket, MotorCommand, Reason, RobotState
+from rmll_onboard.protocol import a1_packets
+from rmll_onboard.state.packet_errors import BadPacket, Reason
+from rmll_onboard.state.robot_state import MotorCommand, RobotState
 
 
 def single(size, bound=None):
@@ -72,16 +73,16 @@ def assert_same(a, b):
 
 def test_command_as_the_sdk_initialises_it():
     idle = MotorCommand(
-        mode=np.full(12, a1_wire.MODE_SERVO, np.uint8),
-        q=np.full(12, a1_wire.POS_STOP),
-        dq=np.full(12, a1_wire.VEL_STOP),
+        mode=np.full(12, a1_packets.MODE_SERVO, np.uint8),
+        q=np.full(12, a1_packets.POS_STOP),
+        dq=np.full(12, a1_packets.VEL_STOP),
     )
     slot = bytes.fromhex("0ab9d2ff4e00007a46") + bytes(18)
     golden = bytes(10) + 20 * slot + bytes(56) + struct.pack("<I", 0x77DB73E3)
-    assert a1_wire.encode_command(idle, level=0) == golden
-    assert len(golden) == a1_wire.LOW_CMD_LENGTH == 610
+    assert a1_packets.encode_command(idle, level=0) == golden
+    assert len(golden) == a1_packets.LOW_CMD_LENGTH == 610
     with pytest.raises(BadPacket) as bad:
-        a1_wire.decode_command(golden)
+        a1_packets.decode_command(golden)
     assert bad.value.reason is Reason.LEVEL
 
 
@@ -90,44 +91,44 @@ def test_motor_slot_as_the_sdk_writes_it():
     for name, value in {"q": 0.25, "dq": -0.5, "tau": -10.3, "kp": 20.0, "kd": 0.5}.items():
         getattr(command, name)[0] = value
     golden = bytes.fromhex("000000803e000000bfb4f580020800" + "000000a0000000b0000000c0")
-    assert a1_wire.encode_command(command)[10 : 10 + 15] == golden[:15]
-    slot = np.frombuffer(golden, a1_wire.MOTOR_COMMAND)[0]
+    assert a1_packets.encode_command(command)[10 : 10 + 15] == golden[:15]
+    slot = np.frombuffer(golden, a1_packets.MOTOR_COMMAND)[0]
     assert slot["reserve"].tolist() == [0xA0000000, 0xB0000000, 0xC0000000]
 
 
 def test_state_fields_lie_where_the_board_puts_them():
-    offsets = {name: a1_wire.LOW_STATE.fields[name][1] for name in a1_wire.LOW_STATE.names}
-    assert a1_wire.LOW_STATE_LENGTH == 771
+    offsets = {name: a1_packets.LOW_STATE.fields[name][1] for name in a1_packets.LOW_STATE.names}
+    assert a1_packets.LOW_STATE_LENGTH == 771
     assert (offsets["quaternion"], offsets["imu_temperature"], offsets["motor"]) == (10, 62, 63)
     assert (offsets["foot_force"], offsets["tick"], offsets["remote"]) == (703, 719, 723)
-    assert a1_wire.MOTOR_STATE.itemsize == 32
-    assert a1_wire.MOTOR_STATE.fields["temperature"][1] == 23
+    assert a1_packets.MOTOR_STATE.itemsize == 32
+    assert a1_packets.MOTOR_STATE.fields["temperature"][1] == 23
 
 
 @given(commands)
 def test_command_round_trip(command):
-    assert_same(a1_wire.decode_command(a1_wire.encode_command(command)), command)
+    assert_same(a1_packets.decode_command(a1_packets.encode_command(command)), command)
 
 
 @given(states, states)
 def test_a_used_decoder_keeps_nothing_of_the_state_before(state, used):
-    decoder = a1_wire.StateDecoder()
+    decoder = a1_packets.StateDecoder()
     for sent in (used, state):
-        decoder.decode(a1_wire.encode_state(sent))
+        decoder.decode(a1_packets.encode_state(sent))
         assert_same(decoder.state, sent)
 
 
 @given(commands, commands)
 def test_a_used_encoder_keeps_nothing_of_the_command_before(command, used):
-    encoder = a1_wire.CommandEncoder()
+    encoder = a1_packets.CommandEncoder()
     encoder.encode(used)
-    assert encoder.encode(command) == a1_wire.encode_command(command)
+    assert encoder.encode(command) == a1_packets.encode_command(command)
 
 
 @given(single(12), single(12), single(12))
 def test_torque_and_gains_saturate(tau, kp, kd):
     sent = MotorCommand(tau=tau, kp=kp, kd=kd)
-    got = a1_wire.decode_command(a1_wire.encode_command(sent))
+    got = a1_packets.decode_command(a1_packets.encode_command(sent))
     for name, scale in (("tau", 256), ("kp", 32), ("kd", 16)):
         low, high = -32768 / scale, 32767 / scale
         want = np.clip(getattr(sent, name), low, high)
@@ -136,8 +137,8 @@ def test_torque_and_gains_saturate(tau, kp, kd):
 
 
 def test_what_wraps_in_the_sdk_saturates_here():
-    got = a1_wire.decode_command(
-        a1_wire.encode_command(MotorCommand(tau=np.full(12, 200.0), kd=np.full(12, 3000.0)))
+    got = a1_packets.decode_command(
+        a1_packets.encode_command(MotorCommand(tau=np.full(12, 200.0), kd=np.full(12, 3000.0)))
     )
     assert got.tau[0] == 32767 / 256
     assert got.kd[0] == 32767 / 16
@@ -146,13 +147,13 @@ def test_what_wraps_in_the_sdk_saturates_here():
 @pytest.mark.parametrize(
     ("packet", "decode"),
     [
-        (a1_wire.encode_command(MotorCommand()), a1_wire.decode_command),
-        (a1_wire.encode_state(RobotState()), a1_wire.decode_state),
+        (a1_packets.encode_command(MotorCommand()), a1_packets.decode_command),
+        (a1_packets.encode_state(RobotState()), a1_packets.decode_state),
     ],
     ids=["command", "state"],
 )
 def test_every_flipped_protected_bit_is_refused(packet, decode):
-    covered = a1_wire.protected(len(packet))
+    covered = a1_packets.protected(len(packet))
     assert covered == {610: 604, 771: 764}[len(packet)]
     for position in [*range(covered), *range(len(packet) - 4, len(packet))]:
         for bit in range(8):
@@ -166,7 +167,7 @@ def test_every_flipped_protected_bit_is_refused(packet, decode):
 @pytest.mark.fuzz
 @given(st.binary(max_size=1000))
 def test_random_bytes_are_refused(data):
-    for decode in (a1_wire.decode_command, a1_wire.decode_state):
+    for decode in (a1_packets.decode_command, a1_packets.decode_state):
         with pytest.raises(BadPacket):
             decode(data)
 
@@ -174,16 +175,16 @@ def test_random_bytes_are_refused(data):
 def with_checksum(packet, offset, value):
     body = bytearray(packet[:-4])
     struct.pack_into("<f", body, offset, value)
-    checksum = a1_wire.crc(bytes(body[: a1_wire.protected(len(packet))]))
+    checksum = a1_packets.crc(bytes(body[: a1_packets.protected(len(packet))]))
     return bytes(body) + struct.pack("<I", checksum)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
 @pytest.mark.parametrize("offset", [10, 26, 38, 50, 64, 68], ids=str)
 def test_a_state_that_is_not_finite_is_refused_and_leaves_the_last_one(offset, value):
-    packet = with_checksum(a1_wire.encode_state(RobotState()), offset, value)
-    decoder = a1_wire.StateDecoder()
-    decoder.decode(a1_wire.encode_state(RobotState(tick=7)))
+    packet = with_checksum(a1_packets.encode_state(RobotState()), offset, value)
+    decoder = a1_packets.StateDecoder()
+    decoder.decode(a1_packets.encode_state(RobotState(tick=7)))
     with pytest.raises(BadPacket) as bad:
         decoder.decode(packet)
     assert bad.value.reason is Reason.NOT_FINITE
@@ -194,7 +195,9 @@ def test_a_state_that_is_not_finite_is_refused_and_leaves_the_last_one(offset, v
 def test_large_numbers_are_finite(value):
     """Their sum would not be, in 32 bits."""
     state = RobotState(q=np.full(12, np.float32(value), float), dq=np.full(12, value))
-    np.testing.assert_array_equal(a1_wire.decode_state(a1_wire.encode_state(state)).q, state.q)
+    np.testing.assert_array_equal(
+        a1_packets.decode_state(a1_packets.encode_state(state)).q, state.q
+    )
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e39])
@@ -203,7 +206,7 @@ def test_a_command_that_is_not_finite_is_never_encoded(name, value):
     command = MotorCommand()
     getattr(command, name)[5] = value
     with pytest.raises(ValueError, match="finite"):
-        a1_wire.encode_command(command)
+        a1_packets.encode_command(command)
 
 
 @settings(max_examples=30)
@@ -214,4 +217,4 @@ def test_checksum_equals_the_shift_register(data):
         register ^= word
         for _ in range(32):
             register = (register << 1 ^ (0x04C11DB7 if register >> 31 else 0)) & 0xFFFFFFFF
-    assert a1_wire.crc(data) == register
+    assert a1_packets.crc(data) == register

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmll_onboard.attitude import projected_gravity, roll_pitch
+from rmll_onboard.state.attitude import projected_gravity, roll_pitch
 
 angles = st.floats(-1.5, 1.5)
 

@@ -11,9 +11,9 @@ from onnx import helper
 from rmll_contract.contract import KEY
 from rmll_contract.observation import Field
 from rmll_gaits.errors import InputError
-from rmll_onboard import bundle as bundles
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.controller import prove
+from rmll_onboard.control import bundle as bundles
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.control.controller import prove
 from rmll_robots import A1
 
 

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from rmll_onboard import can_imu
-from rmll_onboard.a1_wire import BadPacket
-from rmll_onboard.can_frames import MOST, Frame, pack, unpack
+from rmll_onboard.protocol import can_imu
+from rmll_onboard.protocol.can_frame import MOST, Frame, pack, unpack
+from rmll_onboard.state.packet_errors import BadPacket
 
 frames = st.lists(
     st.builds(Frame, st.integers(0, 255), st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30

@@ -10,9 +10,9 @@ import can
 import pytest
 
 from rmll_gaits.errors import Failure
-from rmll_onboard.can_frames import Frame, pack, unpack
-from rmll_onboard.can_link import CanLink
-from rmll_onboard.can_settings import Bus
+from rmll_onboard.interface.can_transport import CanTransport
+from rmll_onboard.protocol.can_frame import Frame, pack, unpack
+from rmll_onboard.settings.can_settings import Bus
 
 BUSES = {name: Bus("virtual", f"link-{name}") for name in ("front", "rear")}
 FROM_ROBOT, TO_ROBOT = [{0}, {0, 0x100}], [{1, 2}, {3}]
@@ -23,7 +23,7 @@ def ends():
     """The daemon's end and the robot's."""
     with contextlib.ExitStack() as stack:
         yield [
-            stack.enter_context(contextlib.closing(CanLink(BUSES, heard)))
+            stack.enter_context(contextlib.closing(CanTransport(BUSES, heard)))
             for heard in (FROM_ROBOT, TO_ROBOT)
         ]
 
@@ -74,9 +74,9 @@ def test_a_flood_is_read_piece_by_piece(ends):
 
 
 def test_the_parting_is_the_last_that_is_heard():
-    far = CanLink(BUSES, TO_ROBOT)
+    far = CanTransport(BUSES, TO_ROBOT)
     parting = pack([Frame(0, 1, b"bye"), Frame(1, 3, b"bye")])
-    near = CanLink(BUSES, FROM_ROBOT, parting)
+    near = CanTransport(BUSES, FROM_ROBOT, parting)
     near.send(pack([Frame(0, 1, b"work")]))
     near.close()
     heard = frames(far)
@@ -96,8 +96,8 @@ def test_a_bus_that_is_down_is_a_loss_and_no_error(ends):
 def test_a_bus_that_cannot_be_opened_is_named_and_the_others_are_closed():
     buses = {"good": Bus("virtual", "leak"), "bad": Bus("nonsense", "can0")}
     with pytest.raises(Failure, match="bus bad: nonsense can0: "):
-        CanLink(buses, [set(), set()])
-    with contextlib.closing(CanLink({"a": Bus("virtual", "leak")}, [{1}])) as link:
+        CanTransport(buses, [set(), set()])
+    with contextlib.closing(CanTransport({"a": Bus("virtual", "leak")}, [{1}])) as link:
         assert len(link._buses[0].channel) == 1  # nobody else is on it
 
 
@@ -111,7 +111,7 @@ def test_without_python_can_the_extra_is_named(monkeypatch):
 
     monkeypatch.setattr(builtins, "__import__", missing)
     with pytest.raises(Failure, match=r"pip install 'rmll\[can\]'"):
-        CanLink(BUSES, FROM_ROBOT)
+        CanTransport(BUSES, FROM_ROBOT)
 
 
 def has_interface_local_multicast() -> bool:
@@ -133,7 +133,7 @@ def test_buses_of_udp_multicast_keep_apart_and_hear_no_echo():
     buses = {name: Bus("udp_multicast", "ff01::1", port=free_port()) for name in ("a", "b")}
     with contextlib.ExitStack() as stack:
         near, far = (
-            stack.enter_context(contextlib.closing(CanLink(buses, heard)))
+            stack.enter_context(contextlib.closing(CanTransport(buses, heard)))
             for heard in (FROM_ROBOT, TO_ROBOT)
         )
         near.send(pack([Frame(0, 1, b"one"), Frame(1, 3, b"two"), Frame(0, 3, b"not here")]))
@@ -164,7 +164,7 @@ def test_socketcan():
     buses = {"a": Bus("socketcan", "vcan0")}
     with contextlib.ExitStack() as stack:
         near, far = (
-            stack.enter_context(contextlib.closing(CanLink(buses, heard)))
+            stack.enter_context(contextlib.closing(CanTransport(buses, heard)))
             for heard in ([{0}], [{1}])
         )
         near.send(pack([Frame(0, 1, b"one"), Frame(0, 5, b"not heard")]))

@@ -11,24 +11,26 @@ import pytest
 
 from rmll_gaits.errors import Failure
 from rmll_gaits.load import load_gait
-from rmll_onboard.can_frames import unpack
-from rmll_onboard.can_layout import Layout
-from rmll_onboard.can_link import CanLink
-from rmll_onboard.can_settings import Bus, Can
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.loop import Loop
-from rmll_onboard.mit_wire import ENTER, EXIT, decode_commands
-from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.settings import Link, Settings
-from rmll_onboard.wire import open_link
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.interface.can_layout import Layout
+from rmll_onboard.interface.can_transport import CanTransport
+from rmll_onboard.interface.robot_interface import open_link
+from rmll_onboard.protocol.can_frame import unpack
+from rmll_onboard.protocol.mit_packets import ENTER, EXIT, decode_commands
+from rmll_onboard.runtime.daemon import Daemon
+from rmll_onboard.runtime.loop import Loop
+from rmll_onboard.settings.can_settings import Bus, Can
+from rmll_onboard.settings.runtime_settings import LinkSettings, RuntimeSettings
 from rmll_robots import A1
 
 
 @pytest.fixture
-def settings(brisk: Settings) -> Settings:
+def settings(brisk: RuntimeSettings) -> RuntimeSettings:
     buses = {name: Bus("virtual", f"loop-{name}") for name in Can().buses}
     can = msgspec.structs.replace(Can(), buses=buses)
-    return msgspec.structs.replace(brisk, link=Link(kind="can", startup_timeout=0.3), can=can)
+    return msgspec.structs.replace(
+        brisk, link=LinkSettings(kind="can", startup_timeout=0.3), can=can
+    )
 
 
 def orders(frames, layout) -> list[list[bytes]]:
@@ -43,10 +45,10 @@ def orders(frames, layout) -> list[list[bytes]]:
 @pytest.mark.parametrize("crash", [False, True])
 def test_it_ends_in_damping_and_then_switches_the_actuators_off(bundle, settings, clock, crash):
     layout = Layout(settings.can, A1)
-    daemon = Daemon(bundle, settings, FlagPilot(load_gait("trot").commands, seconds=1.0))
+    daemon = Daemon(bundle, settings, FlagOperator(load_gait("trot").commands, seconds=1.0))
     if crash:
         daemon.tick = None  # type: ignore[method-assign]
-    with closing(CanLink(settings.can.buses, layout.commands())) as robot:
+    with closing(CanTransport(settings.can.buses, layout.commands())) as robot:
         with (
             pytest.raises(TypeError if crash else Failure) as ended,
             closing(open_link(settings, A1)) as link,

@@ -8,9 +8,9 @@ import pytest
 import yaml
 
 from rmll_gaits.errors import InputError
-from rmll_onboard.can_layout import Layout
-from rmll_onboard.can_settings import Actuator, Bus, Can, Imu, Model
-from rmll_onboard.settings import load_settings
+from rmll_onboard.interface.can_layout import Layout
+from rmll_onboard.settings.can_settings import Actuator, Bus, Can, Imu, Model
+from rmll_onboard.settings.runtime_settings import load_settings
 from rmll_robots import A1
 
 ROOT = Path(__file__).parents[2]

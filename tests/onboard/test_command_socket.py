@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rmll_gaits.errors import Failure, InputError
-from rmll_onboard.command_socket import LONGEST, SocketPilot, Wish, decode
-from rmll_onboard.pilot import Orders
-from rmll_onboard.remote import Remote
-from rmll_onboard.supervisor import NS, Mode, Request
+from rmll_onboard.commands.command_socket import LONGEST, SocketCommand, SocketOperator, decode
+from rmll_onboard.commands.operator import OperatorCommand
+from rmll_onboard.protocol.a1_remote import Remote
+from rmll_onboard.state.modes import NS, Mode, Request
 
 REMOTE = Remote()
 
@@ -24,7 +24,7 @@ def path(tmp_path):
 
 @pytest.fixture
 def pilot(path):
-    pilot = SocketPilot(path, frequency=9.0, silence=0.5)
+    pilot = SocketOperator(path, frequency=9.0, silence=0.5)
     yield pilot
     pilot.close()
 
@@ -35,32 +35,32 @@ def send(path, pilot):
         yield lambda message: program.sendto(message, str(path))
 
 
-def at(pilot, seconds: float, mode: Mode = Mode.WALKING) -> Orders:
+def at(pilot, seconds: float, mode: Mode = Mode.WALKING) -> OperatorCommand:
     return pilot.orders(int(seconds * NS), mode, REMOTE)
 
 
 def test_the_newest_message_counts_and_c_f_stays(pilot, send):
     send(b'{"request": "stand"}')
     send(b'{"request": "walk", "vx": 0.5, "wz": -0.2, "frequency": 7}')
-    assert at(pilot, 1.0) == Orders(Request.WALK, (0.5, -0.2, 7.0))
+    assert at(pilot, 1.0) == OperatorCommand(Request.WALK, (0.5, -0.2, 7.0))
     send(b'{"vx": 0.1}')
-    assert at(pilot, 1.2) == Orders(None, (0.1, 0.0, 7.0))
+    assert at(pilot, 1.2) == OperatorCommand(None, (0.1, 0.0, 7.0))
     send(b'{"request": "damp"}')
     assert at(pilot, 1.3).request is Request.DAMP
     assert pilot.complaint is None
 
 
 def test_silence_ends_a_walk_and_nothing_else(pilot, send):
-    assert at(pilot, 0.0, Mode.DAMPING) == Orders(None, (0.0, 0.0, 9.0))
+    assert at(pilot, 0.0, Mode.DAMPING) == OperatorCommand(None, (0.0, 0.0, 9.0))
     send(b'{"request": "walk", "vx": 0.5}')
     assert at(pilot, 1.0).request is Request.WALK
     assert at(pilot, 1.5).request is Request.WALK
-    assert at(pilot, 1.51, Mode.STANDING) == Orders(None, (0.0, 0.0, 9.0))
+    assert at(pilot, 1.51, Mode.STANDING) == OperatorCommand(None, (0.0, 0.0, 9.0))
     assert pilot.complaint is None
-    assert at(pilot, 1.6) == Orders(Request.STAND, (0.0, 0.0, 9.0))
+    assert at(pilot, 1.6) == OperatorCommand(Request.STAND, (0.0, 0.0, 9.0))
     assert "no message" in pilot.complaint
     send(b'{"request": "walk", "vx": 0.3}')
-    assert at(pilot, 2.0) == Orders(Request.WALK, (0.3, 0.0, 9.0))
+    assert at(pilot, 2.0) == OperatorCommand(Request.WALK, (0.3, 0.0, 9.0))
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_silence_ends_a_walk_and_nothing_else(pilot, send):
 def test_a_bad_message_is_told_and_changes_nothing(pilot, send, message, words):
     send(b'{"request": "walk", "vx": 0.5}')
     send(message)
-    assert at(pilot, 1.0) == Orders(Request.WALK, (0.5, 0.0, 9.0))
+    assert at(pilot, 1.0) == OperatorCommand(Request.WALK, (0.5, 0.0, 9.0))
     assert words in pilot.complaint
     assert "\n" not in pilot.complaint
 
@@ -106,7 +106,7 @@ def test_a_flood_does_not_hold_the_loop(pilot, send):
 @given(st.binary(max_size=2 * LONGEST))
 def test_any_bytes_are_a_wish_or_one_error(message):
     try:
-        assert isinstance(decode(message), Wish)
+        assert isinstance(decode(message), SocketCommand)
     except InputError as error:
         assert len(str(error)) < 200
 
@@ -118,18 +118,18 @@ def test_only_this_user_may_write(path, pilot):
 def test_a_socket_left_behind_is_replaced_and_nothing_else(path, tmp_path):
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as left:
         left.bind(str(path))
-    first = SocketPilot(path, 9.0, 1.0)
+    first = SocketOperator(path, 9.0, 1.0)
     with pytest.raises(Failure, match="another daemon"):
-        SocketPilot(path, 9.0, 1.0)
+        SocketOperator(path, 9.0, 1.0)
     first.close()
     assert not path.exists()
     path.write_text("precious")
     with pytest.raises(InputError, match="no socket"):
-        SocketPilot(path, 9.0, 1.0)
+        SocketOperator(path, 9.0, 1.0)
     assert path.read_text() == "precious"
     for wrong in (tmp_path / "nowhere" / "s", tmp_path / ("x" * 200)):
         with pytest.raises(InputError, match=r"^--commands \S+: [A-Z]"):  # no number of the system
-            SocketPilot(wrong, 9.0, 1.0)
+            SocketOperator(wrong, 9.0, 1.0)
 
 
 def test_the_umask_is_left_as_it_was(path, pilot):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.controller import Controller, Sensed
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.control.controller import Controller, PolicyInput
 
 TROT = 6, 9
 ALL = 15
@@ -20,7 +20,7 @@ def step(controller, label, command=(0.5, 0.0, 6.0), gyro=(0.0, 0.0, 0.0), q=Non
     return controller.step(
         touching,
         ~touching,
-        Sensed(
+        PolicyInput(
             controller.target * 0 + 0.1 if q is None else q,
             np.zeros(12),
             np.array([0.0, 0.0, -1.0]),
@@ -52,7 +52,7 @@ def test_an_edge_opens_after_c_f_steps(controller):
 def test_a_foot_between_the_thresholds_keeps_its_bit(controller):
     step(controller, TROT[0])
     nothing = np.zeros(4, bool)
-    still = Sensed(np.zeros(12), np.zeros(12), np.zeros(3), np.zeros(3))
+    still = PolicyInput(np.zeros(12), np.zeros(12), np.zeros(3), np.zeros(3))
     controller.step(nothing, nothing, still, (0, 0, 6))
     assert controller.label == TROT[0]
     controller.step(nothing, ~nothing, still, (0, 0, 6))
@@ -64,7 +64,7 @@ def test_feet_are_looked_at_as_they_are_now_and_the_gait_does_not_notice(control
     down, command = np.array([0.0, 0.0, -1.0]), (0.5, 0.0, 6.0)
     for count in range(12):
         q = controller.target * 0 + 0.1 * count
-        sensed = Sensed(q, np.zeros(12), down, np.zeros(3))
+        sensed = PolicyInput(q, np.zeros(12), down, np.zeros(3))
         height = controller.foot_height(sensed, command).copy()
         for each in (controller, unasked):
             step(each, TROT[each.state], q=q)

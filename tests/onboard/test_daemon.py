@@ -11,14 +11,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rmll_gaits.load import load_gait
-from rmll_onboard import a1_wire, remote
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.command_socket import SocketPilot
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.pilot import FlagPilot, Orders, RemotePilot
-from rmll_onboard.remote import Button, Remote
-from rmll_onboard.settings import Steering
-from rmll_onboard.supervisor import Mode, Request
+from rmll_onboard.commands.command_socket import SocketOperator
+from rmll_onboard.commands.operator import FlagOperator, OperatorCommand, RemoteOperator
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.protocol import a1_packets, a1_remote
+from rmll_onboard.protocol.a1_remote import Button, Remote
+from rmll_onboard.runtime.daemon import Daemon
+from rmll_onboard.settings.runtime_settings import Steering
+from rmll_onboard.state.modes import Mode, Request
 from rmll_robots import A1
 
 WALK = (0.5, 0.0, 8.0)
@@ -54,8 +54,8 @@ class Lockstep:
         return self
 
 
-def by_command(seconds: float) -> FlagPilot:
-    return FlagPilot(load_gait("trot").commands, *WALK, seconds)
+def by_command(seconds: float) -> FlagOperator:
+    return FlagOperator(load_gait("trot").commands, *WALK, seconds)
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def by_flags(bundle, brisk, robot):
 
 @pytest.fixture
 def by_remote(bundle, brisk, robot):
-    pilot = RemotePilot(bundle.table.commands, 9, brisk.steering.deadband)
+    pilot = RemoteOperator(bundle.table.commands, 9, brisk.steering.deadband)
     return Lockstep(Daemon(bundle, brisk, pilot), robot)
 
 
@@ -110,7 +110,7 @@ def test_targets_follow_the_policy_at_its_rate_and_in_the_robots_order(make_bund
 
 def test_the_remote_leads_through_a_walk(by_remote, robot):
     def press(buttons, seconds, **sticks):
-        robot.state.remote = remote.encode(Remote(buttons, **sticks))
+        robot.state.remote = a1_remote.encode(Remote(buttons, **sticks))
         by_remote.run(seconds)
         return by_remote.daemon.policy_ran, float(robot.last.kp[0])
 
@@ -132,13 +132,13 @@ def test_the_remote_leads_through_a_walk(by_remote, robot):
 @pytest.mark.parametrize("walking", [False, True])
 def test_l2_and_b_stop_for_good(by_remote, robot, walking):
     if walking:
-        robot.state.remote = remote.encode(Remote(Button.START | Button.A))
+        robot.state.remote = a1_remote.encode(Remote(Button.START | Button.A))
         by_remote.until_walking()
-    robot.state.remote = remote.encode(Remote(Button.L2 | Button.B))
+    robot.state.remote = a1_remote.encode(Remote(Button.L2 | Button.B))
     by_remote.run(0.02)
     assert robot.damped
     assert by_remote.daemon.fault == "emergency stop on the remote"
-    robot.state.remote = remote.encode(Remote(Button.START))
+    robot.state.remote = a1_remote.encode(Remote(Button.START))
     by_remote.run(1)
     assert robot.damped
 
@@ -149,7 +149,7 @@ def bad_stick(robot, value):
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_a_stick_that_is_no_number_is_a_bad_packet_and_damps(by_remote, robot, value):
-    robot.state.remote = remote.encode(Remote(Button.START | Button.A, ly=0.5))
+    robot.state.remote = a1_remote.encode(Remote(Button.START | Button.A, ly=0.5))
     by_remote.until_walking()
     bad_stick(robot, value)
     by_remote.run(0.1)
@@ -169,17 +169,17 @@ def test_a_robot_whose_remote_is_no_number_from_the_start_is_not_believed(by_rem
 
 
 def test_a_stick_that_strays_at_rest_does_not_creep(by_remote, robot):
-    robot.state.remote = remote.encode(Remote(Button.START | Button.A, ly=0.03, rx=-0.03))
+    robot.state.remote = a1_remote.encode(Remote(Button.START | Button.A, ly=0.03, rx=-0.03))
     by_remote.until_walking()
-    robot.state.remote = remote.encode(Remote(ly=0.03, rx=-0.03))
+    robot.state.remote = a1_remote.encode(Remote(ly=0.03, rx=-0.03))
     by_remote.run(0.5)
     assert by_remote.daemon.controller.command[:2].tolist() == [0, 0]
     assert by_remote.daemon.mode is Mode.WALKING
 
 
-@pytest.mark.parametrize("rest", [remote.encode(Remote(ly=-0.0, lx=0.03)), bytes(39) + b"\x07"])
+@pytest.mark.parametrize("rest", [a1_remote.encode(Remote(ly=-0.0, lx=0.03)), bytes(39) + b"\x07"])
 def test_a_resting_remote_is_not_lost(by_remote, robot, rest):
-    robot.state.remote = remote.encode(Remote(Button.START | Button.A, ly=0.5))
+    robot.state.remote = a1_remote.encode(Remote(Button.START | Button.A, ly=0.5))
     by_remote.until_walking()
     robot.state.remote = rest
     by_remote.run(25)
@@ -206,7 +206,7 @@ class Script:
     complaint = None
 
     def __init__(self, frequency=12.0):
-        self.wanted = Orders(Request.STAND, (0.0, 0.0, frequency))
+        self.wanted = OperatorCommand(Request.STAND, (0.0, 0.0, frequency))
 
     def orders(self, now, mode, remote):
         return self.wanted
@@ -220,7 +220,7 @@ def test_commands_reach_the_policy_gradually(bundle, brisk, robot):
     pilot = Script()
     lockstep = Lockstep(Daemon(bundle, settings, pilot), robot)
     lockstep.run(0.4)
-    pilot.wanted = Orders(Request.WALK, (1.0, 0.0, 12.0))
+    pilot.wanted = OperatorCommand(Request.WALK, (1.0, 0.0, 12.0))
     lockstep.until_walking()
     told = [lockstep.daemon.controller.command.tolist()]
 
@@ -233,7 +233,7 @@ def test_commands_reach_the_policy_gradually(bundle, brisk, robot):
     walk(1.0)
     assert told[0] == pytest.approx([0.04, 0.0, 12.0])  # from rest, at the pace that is wanted
     assert told[-1] == [1.0, 0.0, 12.0]
-    pilot.wanted = Orders(None, (-9.0, 0.0, 1.0))
+    pilot.wanted = OperatorCommand(None, (-9.0, 0.0, 1.0))
     walk(2.0)
     assert told[-1] == [-1.0, 0.0, 6.0]
     limits = Steering().acceleration / 50, Steering().turning / 50, Steering().frequency / 50
@@ -244,17 +244,17 @@ def test_a_pilot_can_damp_for_good(bundle, brisk, robot):
     pilot = Script()
     lockstep = Lockstep(Daemon(bundle, brisk, pilot), robot)
     lockstep.run(0.4)
-    pilot.wanted = Orders(Request.DAMP, (0.0, 0.0, 9.0))
+    pilot.wanted = OperatorCommand(Request.DAMP, (0.0, 0.0, 9.0))
     lockstep.run(0.01)
     assert robot.damped
-    pilot.wanted = Orders(Request.STAND, (0.0, 0.0, 9.0))
+    pilot.wanted = OperatorCommand(Request.STAND, (0.0, 0.0, 9.0))
     lockstep.run(1.0)
     assert robot.damped
     assert lockstep.daemon.fault == "emergency stop by the pilot"
 
 
 def test_a_program_that_falls_silent_leaves_a_standing_robot(bundle, brisk, robot, tmp_path):
-    pilot = SocketPilot(tmp_path / "commands", frequency=9.0, silence=0.3)
+    pilot = SocketOperator(tmp_path / "commands", frequency=9.0, silence=0.3)
     lockstep = Lockstep(Daemon(bundle, brisk, pilot), robot)
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as program:
         for message in [b'{"request": "stand"}'] * 4 + [b'{"request": "walk", "vx": 0.5}'] * 5:
@@ -288,17 +288,17 @@ def corruption(lockstep):
 
 def fall(lockstep):
     lockstep.robot.state.quaternion[:] = [np.cos(0.8), np.sin(0.8), 0, 0]
-    return a1_wire.encode_state(lockstep.robot.state)
+    return a1_packets.encode_state(lockstep.robot.state)
 
 
 def dead_imu(lockstep):
     lockstep.robot.state.quaternion[:] = 0
-    return a1_wire.encode_state(lockstep.robot.state)
+    return a1_packets.encode_state(lockstep.robot.state)
 
 
 def huge_numbers(lockstep):
     lockstep.robot.state.dq[:] = 3e38
-    return a1_wire.encode_state(lockstep.robot.state)
+    return a1_packets.encode_state(lockstep.robot.state)
 
 
 @pytest.mark.parametrize(
@@ -334,7 +334,7 @@ def test_huge_rates_from_the_imu_do_not_reach_the_joints(by_flags, robot):
 @given(data=st.data())
 def test_hostile_datagrams_change_nothing(bundle, brisk, data):
     daemon = Daemon(bundle, brisk, by_command(1.0))
-    good = a1_wire.encode_state(a1_wire.RobotState(quaternion=np.array([1.0, 0, 0, 0])))
+    good = a1_packets.encode_state(a1_packets.RobotState(quaternion=np.array([1.0, 0, 0, 0])))
     daemon.tick(0, [good])
     flips = st.tuples(st.integers(0, 763), st.integers(0, 7))
     hostile = st.binary(max_size=1200) | flips.map(

@@ -17,13 +17,20 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from rmll_gaits.errors import InputError
-from rmll_onboard import mcap_records
-from rmll_onboard.about import describe
-from rmll_onboard.flight_log import FlightLog
-from rmll_onboard.mcap_file import COMMAND, INSIDE, METADATA, ORDERS, McapFile, log_file
-from rmll_onboard.settings import Settings
-from rmll_onboard.supervisor import Request
-from rmll_onboard.tick import Inside, Tick
+from rmll_onboard.recording import mcap_reader
+from rmll_onboard.recording.flight_log import FlightLog
+from rmll_onboard.recording.log_metadata import describe
+from rmll_onboard.recording.mcap_writer import (
+    COMMAND,
+    INSIDE,
+    METADATA,
+    ORDERS,
+    McapWriter,
+    log_file,
+)
+from rmll_onboard.recording.telemetry import ControllerSample, Tick
+from rmll_onboard.settings.runtime_settings import RuntimeSettings
+from rmll_onboard.state.modes import Request
 
 # each example writes a file, and a busy disk takes its time
 ON_FILES = settings(
@@ -35,13 +42,13 @@ ON_FILES = settings(
 
 @pytest.fixture(scope="module")
 def about(bundle_path):
-    from rmll_onboard.bundle import load_bundle
+    from rmll_onboard.control.bundle import load_bundle
 
-    return describe(load_bundle(bundle_path), Settings(), real_time=True)
+    return describe(load_bundle(bundle_path), RuntimeSettings(), real_time=True)
 
 
 def tick(number: int, about, **changes) -> Tick:
-    inside = Inside(
+    inside = ControllerSample(
         mode="walking", fault="", label=6, state=1, phi=3, advanced=True, off_spec=False,
         command=(0.5, 0.0, 8.0), values=bytes(4 * len(about.columns)),
     )  # fmt: skip
@@ -133,7 +140,7 @@ def test_another_reader_finds_topics_schemas_and_an_index(log, about):
 def unfinished(about, flushed: int, more: int = 0) -> bytes:
     """The file of a recorder that was killed, after ``flushed`` ticks had gone to the disk."""
     stream = io.BytesIO()
-    file = McapFile(stream, about)
+    file = McapWriter(stream, about)
     for number in range(flushed):
         file.add(tick(number, about))
     file.flush()
@@ -253,7 +260,7 @@ def chunk(records: bytes, *, size: int | None = None, compression: str = "zstd")
     name = compression.encode()
     body = struct.pack("<QQQI", 0, 0, len(records) if size is None else size, zlib.crc32(records))
     body += struct.pack("<I", len(name)) + name + struct.pack("<Q", len(packed)) + packed
-    return struct.pack("<BQ", mcap_records.CHUNK, len(body)) + body
+    return struct.pack("<BQ", mcap_reader.CHUNK, len(body)) + body
 
 
 def with_messages(about, messages: dict[str, bytes]) -> bytes:
@@ -279,8 +286,8 @@ def test_bad_logs_are_one_line(about, log, tmp_path):
     cases = {
         b"": "not an MCAP file",
         b"PK\x03\x04 zipped": "not an MCAP file",
-        mcap_records.MAGIC: "no 'rmll' entry",
-        mcap_records.MAGIC + b"\x06" + b"\xff" * 8: "no 'rmll' entry",
+        mcap_reader.MAGIC: "no 'rmll' entry",
+        mcap_reader.MAGIC + b"\x06" + b"\xff" * 8: "no 'rmll' entry",
         good.replace(b"format\x01\x00\x00\x001", b"format\x01\x00\x00\x007"): "format 7, this",
         good.replace(b'"trot"', b'[\\"\\"]'[:6]): "metadata cannot be read",
         begin + chunk(bytes(1 << 20), size=1 << 40): "no chunk of it can be read: more than 3355",

@@ -7,11 +7,11 @@ from numpy.typing import ArrayLike
 from rmll_gaits.label import hysteresis
 from rmll_gaits.load import library_names, load_gait
 from rmll_gaits.schedule import POLICY_HZ, schedule
-from rmll_onboard.a1_wire import RobotState
-from rmll_onboard.foot_contact import CLEAR_HEIGHT, FIRM, GRAVITY, FootContact
-from rmll_onboard.leg_force import LegForce
-from rmll_onboard.settings import Feet
-from rmll_onboard.supervisor import Mode
+from rmll_onboard.control.contact_estimator import CLEAR_HEIGHT, FIRM, GRAVITY, ContactEstimator
+from rmll_onboard.control.leg_force import LegForce
+from rmll_onboard.settings.runtime_settings import Feet
+from rmll_onboard.state.modes import Mode
+from rmll_onboard.state.robot_state import RobotState
 from rmll_robots import A1
 
 LEVEL = np.array([0.0, 0.0, -1.0])
@@ -27,12 +27,12 @@ TOUCH, CLEAR = Feet().touching * USUAL, Feet().clear * USUAL
 
 @pytest.fixture
 def by_torque():
-    return FootContact(Feet(), A1, sensors=False)
+    return ContactEstimator(Feet(), A1, sensors=False)
 
 
 @pytest.fixture
 def by_sensor():
-    return FootContact(Feet(), A1, sensors=True)
+    return ContactEstimator(Feet(), A1, sensors=True)
 
 
 def state(newtons: ArrayLike, raw: ArrayLike = 0) -> RobotState:
@@ -80,10 +80,10 @@ def test_no_step_of_any_gait_is_hidden_from_the_first_one_on(gait, end):
     down = stances(gait, load_gait(gait).commands.frequency[end], 6)
     random = np.random.default_rng(end)
     gain, bias = random.uniform(0.2, 20, 4), random.uniform(-500, 500, 4)
-    feet = FootContact(Feet(), A1, sensors=True)
+    feet = ContactEstimator(Feet(), A1, sensors=True)
     assert wrong(walk(feet, down, lambda load: gain * load + bias), down) < 0.005
     assert feet.report()["contact_by"] == ["sensor"] * 4
-    assert wrong(walk(FootContact(Feet(), A1, False), down, lambda load: 0), down) < 0.005
+    assert wrong(walk(ContactEstimator(Feet(), A1, False), down, lambda load: 0), down) < 0.005
 
 
 def test_touching_remembers_one_step_and_clear_does_not(by_torque):

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from rmll_gaits.load import library_names, load_gait
 from rmll_gaits.schedule import POLICY_HZ, schedule
-from rmll_onboard.foot_contact import FIRM
-from rmll_onboard.foot_sensor import LEARNING, FootSensor
+from rmll_onboard.control.contact_estimator import FIRM
+from rmll_onboard.control.foot_calibration import LEARNING, FootCalibration
 
 USUAL = 30.5
 """[N] of a standing A1 on one foot"""
@@ -40,7 +40,7 @@ def loads(gait: str = "trot", seconds: float = 6.0, frequency: float = 9.0) -> l
     return [4 * USUAL * (label & 1) / max(1, label.bit_count()) for label in labels * rounds]
 
 
-def walk(sensor: FootSensor, sole: Sole, path: list[float], read=None) -> list[bool]:
+def walk(sensor: FootCalibration, sole: Sole, path: list[float], read=None) -> list[bool]:
     """Whether the foot was felt, each step; ``read`` in place of the sole's own reading.
 
     As contact has it, a foot in the air is felt only if it is loaded firmly.
@@ -65,7 +65,7 @@ def share_wrong(felt: list[bool], path: list[float]) -> float:
 def test_any_unit_is_learnt(gain, bias, drift, noise, gait, seed):
     frequency = load_gait(gait).commands.middle_frequency
     sole, path = Sole(gain, bias, drift, noise, seed), loads(gait, 8.0, frequency)
-    sensor = FootSensor(USUAL, PRESSED)
+    sensor = FootCalibration(USUAL, PRESSED)
     felt = walk(sensor, sole, path)
     assert sensor.doubt is None
     assert sensor.trusted
@@ -75,7 +75,7 @@ def test_any_unit_is_learnt(gain, bias, drift, noise, gait, seed):
 
 
 def test_until_it_is_learnt_the_torques_are_believed():
-    sensor, sole = FootSensor(USUAL, PRESSED), Sole(gain=7.0, bias=400)
+    sensor, sole = FootCalibration(USUAL, PRESSED), Sole(gain=7.0, bias=400)
     for step, load in enumerate(loads()):
         force = sole.force(load)
         believed = sensor.walk(sole.read(load), force)
@@ -87,7 +87,7 @@ def test_until_it_is_learnt_the_torques_are_believed():
 
 @pytest.mark.parametrize("drift", [-20.0, 20.0])
 def test_a_long_stand_moves_the_bias_and_not_the_gain(drift):
-    sensor, sole = FootSensor(USUAL, PRESSED), Sole(gain=1.0, drift=drift)
+    sensor, sole = FootCalibration(USUAL, PRESSED), Sole(gain=1.0, drift=drift)
     walk(sensor, sole, loads())
     gain = sensor.gain
     for _ in range(60 * POLICY_HZ):
@@ -111,7 +111,7 @@ def test_a_long_stand_moves_the_bias_and_not_the_gain(drift):
 )
 @pytest.mark.parametrize("before", [0.0, 4.0])
 def test_a_reading_that_never_changes_is_named(value, words, before):
-    sensor, sole, path = FootSensor(USUAL, PRESSED), Sole(), loads(seconds=3.0)
+    sensor, sole, path = FootCalibration(USUAL, PRESSED), Sole(), loads(seconds=3.0)
     walk(sensor, sole, loads(seconds=before) if before else [])
     assert sensor.trusted is bool(before)
     walk(sensor, sole, path, read=lambda load: value)
@@ -120,7 +120,7 @@ def test_a_reading_that_never_changes_is_named(value, words, before):
 
 
 def test_a_dead_sensor_misleads_for_a_fifth_of_a_second_at_most():
-    sensor, sole = FootSensor(USUAL, PRESSED), Sole()
+    sensor, sole = FootCalibration(USUAL, PRESSED), Sole()
     walk(sensor, sole, loads())
     steps = 0
     while sensor.trusted:
@@ -130,7 +130,7 @@ def test_a_dead_sensor_misleads_for_a_fifth_of_a_second_at_most():
 
 
 def test_noise_is_named_and_not_followed():
-    sensor, sole, random = FootSensor(USUAL, PRESSED), Sole(), np.random.default_rng(0)
+    sensor, sole, random = FootCalibration(USUAL, PRESSED), Sole(), np.random.default_rng(0)
     path = loads()
     felt = walk(sensor, sole, path, read=lambda load: int(random.integers(18, 30)))
     assert sensor.doubt == "reads 18 to 29 whatever the load"
@@ -139,7 +139,7 @@ def test_noise_is_named_and_not_followed():
 
 @pytest.mark.parametrize("noise", [0.2, 0.4])
 def test_too_noisy_a_sensor_is_named(noise):
-    sensor, sole, path = FootSensor(USUAL, PRESSED), Sole(noise=noise), loads()
+    sensor, sole, path = FootCalibration(USUAL, PRESSED), Sole(noise=noise), loads()
     felt = walk(sensor, sole, path)
     assert sensor.doubt is not None
     assert "too noisy" in sensor.doubt
@@ -147,14 +147,14 @@ def test_too_noisy_a_sensor_is_named(noise):
 
 
 def test_readings_that_fall_under_load_are_named():
-    sensor, sole = FootSensor(USUAL, PRESSED), Sole()
+    sensor, sole = FootCalibration(USUAL, PRESSED), Sole()
     walk(sensor, sole, loads(), read=lambda load: int(200 - 2 * load))
     assert sensor.doubt is not None
     assert "whatever the load" in sensor.doubt
 
 
 def test_a_sensor_that_works_again_is_believed_again():
-    sensor, sole = FootSensor(USUAL, PRESSED), Sole()
+    sensor, sole = FootCalibration(USUAL, PRESSED), Sole()
     walk(sensor, sole, loads())
     walk(sensor, sole, loads(seconds=3.0), read=lambda load: 0)
     assert sensor.doubt
@@ -165,7 +165,7 @@ def test_a_sensor_that_works_again_is_believed_again():
 
 @pytest.mark.parametrize("value", [-32768, 32767])
 def test_a_glitch_is_passed_over(value):
-    sensor, sole = FootSensor(USUAL, PRESSED), Sole()
+    sensor, sole = FootCalibration(USUAL, PRESSED), Sole()
     walk(sensor, sole, loads())
     gain, bias = sensor.gain, sensor.bias
     assert sensor.walk(value, 12.0) == 12.0
@@ -175,7 +175,7 @@ def test_a_glitch_is_passed_over(value):
 
 
 def test_a_foot_that_never_steps_tells_nothing_and_is_not_named():
-    sensor, sole = FootSensor(USUAL, PRESSED), Sole()
+    sensor, sole = FootCalibration(USUAL, PRESSED), Sole()
     walk(sensor, sole, [USUAL] * 500)
     assert not sensor.trusted
     assert sensor.doubt is None

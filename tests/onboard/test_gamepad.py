@@ -9,7 +9,7 @@ import pytest
 
 from rmll_gaits.errors import Failure
 from rmll_gaits.table import Commands
-from rmll_onboard.gamepad import (
+from rmll_onboard.commands.gamepad import (
     ABS,
     DROPPED,
     HAT_Y,
@@ -19,15 +19,15 @@ from rmll_onboard.gamepad import (
     SOUTH,
     SYN,
     Gamepad,
-    GamepadPilot,
+    GamepadOperator,
     X,
     Y,
     Z,
     open_gamepad,
 )
-from rmll_onboard.pilot import Orders
-from rmll_onboard.remote import Button, Remote
-from rmll_onboard.supervisor import Mode, Request
+from rmll_onboard.commands.operator import OperatorCommand
+from rmll_onboard.protocol.a1_remote import Button, Remote
+from rmll_onboard.state.modes import Mode, Request
 
 RANGES = Commands(vx=(-0.5, 1.0), wz=(-1.0, 1.0), frequency=(6.0, 12.0))
 EAST, SELECT, START, DPAD_UP, DPAD_DOWN = 0x131, 0x13A, 0x13B, 0x220, 0x221
@@ -137,13 +137,15 @@ def test_a_trigger_that_is_an_axis_is_l2_but_a_right_stick_is_not():
 
 
 def test_it_leads_a_robot(pad):
-    pilot = GamepadPilot(Gamepad(pad), RANGES, 9.0, 0.08)
+    pilot = GamepadOperator(Gamepad(pad), RANGES, 9.0, 0.08)
     pad.press(START)
     assert pilot.orders(0, Mode.DAMPING, Remote()).request is Request.STAND
     pad.press(START, value=0)
     pad.press(SOUTH, DPAD_UP)
     pad.move(Y, 32767)
-    assert pilot.orders(0, Mode.WALKING, Remote()) == Orders(Request.WALK, (-0.5, 0.0, 8.0))
+    assert pilot.orders(0, Mode.WALKING, Remote()) == OperatorCommand(
+        Request.WALK, (-0.5, 0.0, 8.0)
+    )
     # held, it counts once
     assert pilot.orders(0, Mode.WALKING, Remote()).command[2] == 8.0
     pad.press(SOUTH, DPAD_UP, value=0)
@@ -154,20 +156,22 @@ def test_it_leads_a_robot(pad):
 
 
 def test_a_stick_that_strays_at_rest_is_none(pad):
-    pilot = GamepadPilot(Gamepad(pad), RANGES, 9.0, deadband=0.08)
+    pilot = GamepadOperator(Gamepad(pad), RANGES, 9.0, deadband=0.08)
     pad.move(Y, 2000)
     pad.move(RX, -2000)
     assert pilot.orders(0, Mode.WALKING, Remote()).command[:2] == (0, 0)
 
 
 def test_pulled_out_it_ends_the_walk(pad):
-    pilot = GamepadPilot(Gamepad(pad), RANGES, 9.0, 0.08)
+    pilot = GamepadOperator(Gamepad(pad), RANGES, 9.0, 0.08)
     pad.press(SOUTH)
     pad.move(Y, -32768)
     assert pilot.orders(0, Mode.WALKING, Remote()).command[0] == 1.0
     pad.gone = True
     for _ in range(2):
-        assert pilot.orders(0, Mode.WALKING, Remote()) == Orders(Request.STAND, (0.0, 0.0, 9.0))
+        assert pilot.orders(0, Mode.WALKING, Remote()) == OperatorCommand(
+            Request.STAND, (0.0, 0.0, 9.0)
+        )
     assert pilot.complaint == "the gamepad was unplugged"
     assert pilot.orders(0, Mode.STANDING, Remote()).request is None
 

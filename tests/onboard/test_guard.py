@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 
 from rmll_gaits.load import load_gait
 from rmll_gaits.table import ADVANCE
-from rmll_onboard import a1_wire
-from rmll_onboard.a1_wire import MODE_SERVO, MotorCommand, RobotState
-from rmll_onboard.attitude import projected_gravity, roll_pitch
-from rmll_onboard.gait_monitor import GaitMonitor
-from rmll_onboard.guard import ActionGuard, Guard, Seen
-from rmll_onboard.intake import Intake
-from rmll_onboard.settings import Link, Safety
+from rmll_onboard.interface.state_receiver import StateReceiver
+from rmll_onboard.protocol import a1_packets
+from rmll_onboard.safety.gait_monitor import GaitMonitor
+from rmll_onboard.safety.guard import ActionGuard, Guard, SafetyInput
+from rmll_onboard.settings.runtime_settings import LinkSettings, Safety
+from rmll_onboard.state.attitude import projected_gravity, roll_pitch
+from rmll_onboard.state.robot_state import MODE_SERVO, MotorCommand, RobotState
 from rmll_robots import A1
 
 PERIOD = 5_000_000
@@ -24,7 +24,7 @@ class Bench:
     """A robot that walks, obeys, and shivers as real ones do; a tick each :meth:`tick`."""
 
     def __init__(self, **safety):
-        self.intake = Intake(Link())
+        self.intake = StateReceiver(LinkSettings())
         # what is set here at once, no robot does at once
         calm = {"orientation_error": 1000, "speed_error": 1000}
         self.guard = Guard(A1, Safety(**calm | safety), self.intake, PERIOD)
@@ -57,12 +57,12 @@ class Bench:
             state.mode[:] = self.command.mode
             state.tau[:] = self.command.kp * (self.command.q - state.q)
             state.tau -= self.command.kd * state.dq
-        datagrams = self.datagrams(a1_wire.encode_state(state))
+        datagrams = self.datagrams(a1_packets.encode_state(state))
         fresh = self.intake.take(self.now, datagrams, resting=False)
         seen = self.intake.state
         gravity = projected_gravity(seen.quaternion)
         complaint = self.guard.complaint(
-            Seen(self.now, seen, fresh, gravity, self.moving, self.walking)
+            SafetyInput(self.now, seen, fresh, gravity, self.moving, self.walking)
         )
         self.guard.obedience.sent(self.command)
         return complaint
@@ -124,7 +124,7 @@ def silence(bench):
 
 
 def freeze(bench):
-    last = a1_wire.encode_state(bench.state)
+    last = a1_packets.encode_state(bench.state)
     bench.datagrams = lambda good: [last]
 
 

@@ -5,16 +5,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmll_onboard import a1_wire
-from rmll_onboard.a1_wire import LOW_STATE_LENGTH, Reason, RobotState
-from rmll_onboard.intake import Intake
-from rmll_onboard.settings import Link
+from rmll_onboard.interface.state_receiver import StateReceiver
+from rmll_onboard.protocol import a1_packets
+from rmll_onboard.protocol.a1_packets import LOW_STATE_LENGTH
+from rmll_onboard.settings.runtime_settings import LinkSettings
+from rmll_onboard.state.packet_errors import Reason
+from rmll_onboard.state.robot_state import RobotState
 
 MS = 1_000_000
 
 
 def state(tick: int, **measured) -> bytes:
-    return a1_wire.encode_state(RobotState(tick=tick, **measured))
+    return a1_packets.encode_state(RobotState(tick=tick, **measured))
 
 
 def flipped(datagram: bytes, bit: int) -> bytes:
@@ -22,9 +24,9 @@ def flipped(datagram: bytes, bit: int) -> bytes:
 
 
 @pytest.fixture
-def intake() -> Intake:
+def intake() -> StateReceiver:
     """Has heard tick 1000 at 1000 ms."""
-    intake = Intake(Link())
+    intake = StateReceiver(LinkSettings())
     assert intake.take(1000 * MS, [state(1000)], resting=False)
     return intake
 
@@ -69,7 +71,7 @@ def test_a_whole_datagram_of_another_time_is_refused(intake, tick, reason):
 
 
 def test_the_clock_wraps():
-    intake = Intake(Link())
+    intake = StateReceiver(LinkSettings())
     ticks = [2**32 - 4, 2**32 - 2, 0, 2, 4]
     for count, tick in enumerate(ticks):
         assert intake.take(2 * count * MS, [state(tick)], resting=False)
@@ -78,7 +80,7 @@ def test_the_clock_wraps():
 
 def test_a_clock_in_microseconds_needs_to_be_told():
     for unit, believed in ((1000, 1), (1, 5)):
-        intake = Intake(Link(tick_us=unit))
+        intake = StateReceiver(LinkSettings(tick_us=unit))
         for count in range(5):
             intake.take(count * 2 * MS, [state(count * 2000)], resting=False)
         assert intake.received == believed
@@ -104,7 +106,7 @@ def test_a_robot_whose_clock_runs_and_whose_measurements_do_not(intake):
 
 
 def test_what_is_lost_and_heard_is_counted():
-    intake = Intake(Link())
+    intake = StateReceiver(LinkSettings())
     assert (intake.received, intake.lost, intake.rejected, intake.heard, intake.changed) == (0,) * 5
     assert intake.only_broken is False
     assert not intake.take(5 * MS, [], resting=True)
@@ -127,8 +129,8 @@ def test_what_was_refused_is_told(intake):
 
 
 def test_a_count_of_the_clock_in_seconds():
-    assert Intake(Link()).tick_seconds == pytest.approx(1e-3)
-    assert Intake(Link(tick_us=1)).tick_seconds == pytest.approx(1e-6)
+    assert StateReceiver(LinkSettings()).tick_seconds == pytest.approx(1e-3)
+    assert StateReceiver(LinkSettings(tick_us=1)).tick_seconds == pytest.approx(1e-6)
 
 
 def test_late_and_repeated_datagrams_are_refused_but_not_rejected(intake):
@@ -172,7 +174,7 @@ def test_of_equal_ticks_the_one_that_came_last_is_taken(intake):
 
 def test_of_the_first_datagrams_the_newest_is_not_known():
     """Without a tick to start from, the one that came last."""
-    intake = Intake(Link())
+    intake = StateReceiver(LinkSettings())
     assert intake.take(0, [state(50), state(40)], resting=True)
     assert intake.state.tick == 40
 
@@ -185,7 +187,7 @@ broken = st.binary(max_size=900) | st.tuples(whole, st.integers(0, 763 * 8 + 7))
 
 @given(st.lists(whole | broken, max_size=6), st.integers(0, 10**12))
 def test_nothing_but_whole_states_in_their_time_gets_through(batch, later):
-    intake = Intake(Link())
+    intake = StateReceiver(LinkSettings())
     intake.take(0, [state(7)], resting=False)
     fresh = intake.take(later, batch, resting=False)
     ahead = intake.state.tick - 7

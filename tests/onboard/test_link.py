@@ -6,7 +6,7 @@ import socket
 import pytest
 
 from rmll_gaits.errors import Failure, InputError
-from rmll_onboard.link import UdpLink
+from rmll_onboard.interface.transport import UdpTransport
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def robot():
 
 @pytest.fixture
 def link(robot):
-    link = UdpLink(address_of(robot))
+    link = UdpTransport(address_of(robot))
     yield link
     link.close()
 
@@ -64,7 +64,7 @@ def test_strangers_are_not_heard(link, robot):
 def test_a_robot_that_is_not_there_is_a_loss_and_no_error(robot):
     address = address_of(robot)
     robot.close()
-    link = UdpLink(address)
+    link = UdpTransport(address)
     for _ in range(5):
         link.send(b"anyone?")
         assert link.receive() == []
@@ -74,22 +74,22 @@ def test_a_robot_that_is_not_there_is_a_loss_and_no_error(robot):
 def test_a_busy_port_is_named(robot):
     busy = robot.getsockname()[1]
     with pytest.raises(Failure, match=f"UDP port {busy} is in use"):
-        UdpLink("127.0.0.1:8007", busy)
+        UdpTransport("127.0.0.1:8007", busy)
 
 
 @pytest.mark.parametrize("address", ["", "robot", ":80", "1.2.3.4:", "1.2.3.4:0", "h:99999", "h:x"])
 def test_an_address_that_is_none_is_refused(address):
     with pytest.raises(InputError, match="expected host:port"):
-        UdpLink(address)
+        UdpTransport(address)
 
 
 def test_an_unknown_host_is_named_and_may_be_known_later():
     with pytest.raises(Failure, match=r"^robot address no\.\.host:8007: unknown host 'no\.\.host'"):
-        UdpLink("no..host:8007")
+        UdpTransport("no..host:8007")
     with pytest.raises(InputError, match="is no host name"):
-        UdpLink(f"{'ü' * 70}:8007")
+        UdpTransport(f"{'ü' * 70}:8007")
 
 
 def test_an_address_that_cannot_be_reached_is_named():
     with pytest.raises(Failure, match=r"^robot address 255\.255\.255\.255:1: \w"):
-        UdpLink("255.255.255.255:1")  # broadcasts are not allowed, so nothing is sent
+        UdpTransport("255.255.255.255:1")  # broadcasts are not allowed, so nothing is sent

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from rmll_gaits.table import Commands
-from rmll_onboard import a1_wire
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.loop import Loop
-from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.service import Service
-from rmll_onboard.settings import Realtime
-from rmll_onboard.supervisor import Mode
-from rmll_onboard.understudy import Understudy
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.protocol import a1_packets
+from rmll_onboard.runtime.cache_warmup import CacheWarmer
+from rmll_onboard.runtime.daemon import Daemon
+from rmll_onboard.runtime.loop import Loop
+from rmll_onboard.runtime.systemd_notify import SystemdNotifier
+from rmll_onboard.settings.runtime_settings import Realtime
+from rmll_onboard.state.modes import Mode
 from rmll_robots import A1
 
 
@@ -46,13 +46,13 @@ class InProcess:
 
 @pytest.fixture
 def daemon(bundle, brisk):
-    return Daemon(bundle, brisk, FlagPilot(bundle.table.commands, vx=0.5, seconds=0.3))
+    return Daemon(bundle, brisk, FlagOperator(bundle.table.commands, vx=0.5, seconds=0.3))
 
 
 @pytest.mark.parametrize("pace", [Realtime(), Realtime(early_us=0, rehearse_us=0)], ids=str)
 def test_between_state_and_command_there_is_nothing_else(bundle, brisk, daemon, robot, clock, pace):
     diary = []
-    understudy = Understudy(bundle, brisk)
+    understudy = CacheWarmer(bundle, brisk)
     link = InProcess(robot, diary)
     loop = Loop(daemon, link, pace, lambda _: diary.append("keep"), None, understudy, clock)
     loop.run(5.0)
@@ -104,7 +104,7 @@ def send_signals(*numbers):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_sits_it_down(bundle, brisk, robot, clock, number):
-    daemon = Daemon(bundle, brisk, FlagPilot(bundle.table.commands, vx=0.5))
+    daemon = Daemon(bundle, brisk, FlagOperator(bundle.table.commands, vx=0.5))
     before = signal.getsignal(number)
     keep = send_signals(number)
     loop = Loop(daemon, InProcess(robot, []), Realtime(), keep, clock=clock)
@@ -117,7 +117,7 @@ def test_a_signal_sits_it_down(bundle, brisk, robot, clock, number):
 
 
 def test_a_second_signal_damps_at_once(bundle, brisk, robot, clock):
-    daemon = Daemon(bundle, brisk, FlagPilot(bundle.table.commands, vx=0.5))
+    daemon = Daemon(bundle, brisk, FlagOperator(bundle.table.commands, vx=0.5))
     keep = send_signals(signal.SIGINT, signal.SIGTERM)
     loop = Loop(daemon, InProcess(robot, []), Realtime(), keep, clock=clock)
     loop.run(5.0)
@@ -160,7 +160,7 @@ def test_a_service_manager_is_kept_informed(daemon, robot, clock, tmp_path):
                     words.append(manager.recv(100).decode())
 
         environment = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "100000"}
-        with closing(Service(environment)) as service:
+        with closing(SystemdNotifier(environment)) as service:
             loop = Loop(daemon, InProcess(robot, []), Realtime(), listen, service, clock=clock)
             loop.run(5.0)
         listen()
@@ -182,9 +182,9 @@ def lockstep(daemon, robot, understudy=None):
 
 def test_a_rehearsal_goes_through_policy_ticks_and_changes_no_command(bundle, brisk, robot):
     walks = []
-    for understudy in (None, Understudy(bundle, brisk)):
+    for understudy in (None, CacheWarmer(bundle, brisk)):
         robot.__init__()
-        pilot = FlagPilot(bundle.table.commands, vx=0.5, seconds=2.0)
+        pilot = FlagOperator(bundle.table.commands, vx=0.5, seconds=2.0)
         daemon = Daemon(bundle, brisk, pilot)
         walks.append(lockstep(daemon, robot, understudy))
     assert len(walks[0]) > 400
@@ -197,20 +197,20 @@ def test_a_rehearsal_goes_through_policy_ticks_and_changes_no_command(bundle, br
 def test_an_understudy_of_a_gait_that_only_walks_forwards(bundle, brisk):
     forwards = Commands(vx=(0.3, 1.0), wz=(0.1, 0.2), frequency=(6.2, 6.4))
     table = dataclasses.replace(bundle.table, commands=forwards)
-    Understudy(dataclasses.replace(bundle, table=table), brisk).rehearse(0, [])
+    CacheWarmer(dataclasses.replace(bundle, table=table), brisk).rehearse(0, [])
 
 
 def test_an_understudy_plays_on_after_a_fault(bundle, brisk, robot):
-    understudy = Understudy(bundle, brisk)
+    understudy = CacheWarmer(bundle, brisk)
     for count, quaternion in enumerate(([0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])):
         robot.answer(understudy.damping())
         robot.state.quaternion[:] = quaternion
-        understudy.rehearse(20_000_000 * (count + 1), [a1_wire.encode_state(robot.state)])
+        understudy.rehearse(20_000_000 * (count + 1), [a1_packets.encode_state(robot.state)])
         assert understudy.policy_ran == (understudy.fault is None) == (count > 0)
 
 
 def test_policy_ticks_are_foreseen(bundle, brisk, robot):
-    daemon = Daemon(bundle, brisk, FlagPilot(bundle.table.commands, vx=0.5, seconds=0.5))
+    daemon = Daemon(bundle, brisk, FlagOperator(bundle.table.commands, vx=0.5, seconds=0.5))
     now, datagrams, foreseen, ran = 0, [], [], []
     while not daemon.finished:
         now += daemon.period
@@ -224,8 +224,8 @@ def test_policy_ticks_are_foreseen(bundle, brisk, robot):
 
 
 def test_ticks_leave_nothing_for_the_garbage_collector(bundle, brisk, robot):
-    daemon = Daemon(bundle, brisk, FlagPilot(bundle.table.commands, vx=0.5))
-    understudy = Understudy(bundle, brisk)
+    daemon = Daemon(bundle, brisk, FlagOperator(bundle.table.commands, vx=0.5))
+    understudy = CacheWarmer(bundle, brisk)
     states = np.random.default_rng(0)
     now, datagrams = 0, []
     while not daemon.policy_ran:
@@ -238,7 +238,7 @@ def test_ticks_leave_nothing_for_the_garbage_collector(bundle, brisk, robot):
             now += daemon.period
             understudy.rehearse(now, datagrams)
             answer = robot.answer(daemon.tick(now, datagrams))
-            broken = states.bytes(a1_wire.LOW_STATE_LENGTH)
+            broken = states.bytes(a1_packets.LOW_STATE_LENGTH)
             datagrams = [[answer], [broken], [answer, broken, answer], []][count % 4]
         assert daemon.fault is None
         assert gc.collect() == 0

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from rmll_onboard import mit_wire
-from rmll_onboard.a1_wire import BadPacket
-from rmll_onboard.mit_wire import Commands, Ranges, Reply
+from rmll_onboard.protocol import mit_packets
+from rmll_onboard.protocol.mit_packets import MitCommands, Ranges, Reply
+from rmll_onboard.state.packet_errors import BadPacket
 
 N = 3
 # AK80-6 V2, AK10-9, AK80-64
@@ -22,7 +22,7 @@ RANGES = Ranges(
 SYMMETRIC = ("position", "velocity", "torque")
 
 numbers = st.floats(allow_nan=False) | st.floats(-200, 600)
-commands = hnp.arrays(np.float64, (5, N), elements=numbers).map(lambda rows: Commands(*rows))
+commands = hnp.arrays(np.float64, (5, N), elements=numbers).map(lambda rows: MitCommands(*rows))
 replies = st.builds(
     Reply,
     st.integers(0, 0xFFFF),
@@ -46,7 +46,7 @@ def test_the_fields_stand_where_the_protocol_has_them():
     def frame(**fields):
         lowest = {"position": -1.0, "velocity": -1.0, "kp": 0.0, "kd": 0.0, "torque": -1.0}
         values = (np.array([value]) for value in (lowest | fields).values())
-        return mit_wire.encode_commands(ranges, Commands(*values))[0].hex()
+        return mit_packets.encode_commands(ranges, MitCommands(*values))[0].hex()
 
     assert frame() == "0000000000000000"
     assert frame(position=1.0) == "fffe000000000000"
@@ -57,16 +57,16 @@ def test_the_fields_stand_where_the_protocol_has_them():
 
 
 def test_a_command_of_nothing_has_no_gain_and_hardly_a_torque():
-    nothing = mit_wire.encode_commands(RANGES, Commands(*np.zeros((5, N))))
+    nothing = mit_packets.encode_commands(RANGES, MitCommands(*np.zeros((5, N))))
     assert [data.hex() for data in nothing] == ["8000800000000800"] * N
-    torque = mit_wire.decode_commands(RANGES, nothing).torque
+    torque = mit_packets.decode_commands(RANGES, nothing).torque
     np.testing.assert_allclose(torque, step("torque") / 2)  # twelve bits have no zero
 
 
 @given(commands)
 def test_commands_saturate_and_come_back_to_the_nearest_step(command):
-    back = mit_wire.decode_commands(RANGES, mit_wire.encode_commands(RANGES, command))
-    for name in Commands._fields:
+    back = mit_packets.decode_commands(RANGES, mit_packets.encode_commands(RANGES, command))
+    for name in MitCommands._fields:
         end = getattr(RANGES, name)
         low = -end if name in SYMMETRIC else np.zeros(N)
         # the highest position is given up for the special frames' sake
@@ -78,24 +78,24 @@ def test_commands_saturate_and_come_back_to_the_nearest_step(command):
 
 @given(commands)
 def test_a_command_is_a_fixed_point(command):
-    once = mit_wire.encode_commands(RANGES, command)
-    assert mit_wire.encode_commands(RANGES, mit_wire.decode_commands(RANGES, once)) == once
+    once = mit_packets.encode_commands(RANGES, command)
+    assert mit_packets.encode_commands(RANGES, mit_packets.decode_commands(RANGES, once)) == once
 
 
 @given(commands)
 def test_no_command_can_be_taken_for_a_special_frame(command):
     assert not any(
-        data.startswith(b"\xff" * 7) for data in mit_wire.encode_commands(RANGES, command)
+        data.startswith(b"\xff" * 7) for data in mit_packets.encode_commands(RANGES, command)
     )
 
 
 def test_not_even_one_with_everything_at_its_end():
-    most = Commands(*np.full((5, N), np.inf))
-    assert mit_wire.encode_commands(RANGES, most) == [b"\xff\xfe" + b"\xff" * 6] * N
+    most = MitCommands(*np.full((5, N), np.inf))
+    assert mit_packets.encode_commands(RANGES, most) == [b"\xff\xfe" + b"\xff" * 6] * N
 
 
 def test_there_is_no_frame_that_moves_the_zero():
-    special = {name: value for name, value in vars(mit_wire).items() if isinstance(value, bytes)}
+    special = {name: value for name, value in vars(mit_packets).items() if isinstance(value, bytes)}
     assert special == {"ENTER": b"\xff" * 7 + b"\xfc", "EXIT": b"\xff" * 7 + b"\xfd"}
 
 
@@ -104,49 +104,49 @@ def test_what_is_no_number_is_not_sent(field):
     command = np.zeros((5, N))
     command[field, 1] = np.nan
     with pytest.raises(ValueError, match="numbers only"):
-        mit_wire.encode_commands(RANGES, Commands(*command))
+        mit_packets.encode_commands(RANGES, MitCommands(*command))
 
 
-@given(st.integers(1, 255), replies, st.sampled_from(list(mit_wire.LENGTH)))
+@given(st.integers(1, 255), replies, st.sampled_from(list(mit_packets.LENGTH)))
 def test_replies_come_back(motor, reply, variant):
-    data = mit_wire.encode_reply(motor, reply, variant)
-    assert len(data) == mit_wire.LENGTH[variant]
-    assert data[0] in mit_wire.first_bytes(motor, variant)
+    data = mit_packets.encode_reply(motor, reply, variant)
+    assert len(data) == mit_packets.LENGTH[variant]
+    assert data[0] in mit_packets.first_bytes(motor, variant)
     tells = variant in ("ak", "damiao")
-    assert mit_wire.decode_reply(data, variant) == reply._replace(
+    assert mit_packets.decode_reply(data, variant) == reply._replace(
         temperature=reply.temperature if tells else 0
     )
 
 
 def test_a_reply_of_known_bytes():
     reply = Reply(position=0x1234, velocity=0x567, torque=0x89A, temperature=-5, error=4)
-    assert mit_wire.encode_reply(7, reply, "plain").hex() == "07123456789a"
-    assert mit_wire.encode_reply(7, reply, "ak").hex() == "07123456789afb04"
-    assert mit_wire.decode_reply(bytes.fromhex("07123456789afb04"), "ak") == reply
+    assert mit_packets.encode_reply(7, reply, "plain").hex() == "07123456789a"
+    assert mit_packets.encode_reply(7, reply, "ak").hex() == "07123456789afb04"
+    assert mit_packets.decode_reply(bytes.fromhex("07123456789afb04"), "ak") == reply
     hot = bytes.fromhex("b7123456789a6432")
-    assert mit_wire.decode_reply(hot, "damiao")[3:] == (100, 11)
-    assert mit_wire.ERRORS["damiao"][11] == "MOSFET too hot"
+    assert mit_packets.decode_reply(hot, "damiao")[3:] == (100, 11)
+    assert mit_packets.ERRORS["damiao"][11] == "MOSFET too hot"
 
 
 @pytest.mark.parametrize(("status", "error"), [(1, 0), (0, 16), (8, 8), (13, 13)])
 def test_a_damiao_tells_its_status_beside_its_number(status, error):
-    data = mit_wire.encode_reply(0x25, Reply(0, 0, 0, 30, error), "damiao")
+    data = mit_packets.encode_reply(0x25, Reply(0, 0, 0, 30, error), "damiao")
     assert data[0] == status << 4 | 5
-    assert mit_wire.decode_reply(data, "damiao").error == error
+    assert mit_packets.decode_reply(data, "damiao").error == error
 
 
-@given(st.binary(max_size=9), st.sampled_from(list(mit_wire.LENGTH)))
+@given(st.binary(max_size=9), st.sampled_from(list(mit_packets.LENGTH)))
 def test_replies_of_another_length_are_refused(data, variant):
-    if len(data) == mit_wire.LENGTH[variant]:
-        mit_wire.decode_reply(data, variant)
+    if len(data) == mit_packets.LENGTH[variant]:
+        mit_packets.decode_reply(data, variant)
     else:
         with pytest.raises(BadPacket):
-            mit_wire.decode_reply(data, variant)
+            mit_packets.decode_reply(data, variant)
 
 
 @given(hnp.arrays(np.float64, (3, N), elements=numbers))
 def test_what_is_measured_comes_back_to_the_nearest_step(quantities):
-    back = mit_wire.measured(RANGES, mit_wire.measure(RANGES, *quantities))
+    back = mit_packets.measured(RANGES, mit_packets.measure(RANGES, *quantities))
     for name, ours, theirs in zip(SYMMETRIC, back, quantities, strict=True):
         end = getattr(RANGES, name)
         assert (np.abs(ours - theirs.clip(-end, end)) <= step(name) * 0.5001).all()

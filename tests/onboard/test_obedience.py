@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rmll_onboard.a1_wire import MODE_SERVO, MotorCommand, RobotState
-from rmll_onboard.obedience import Obedience
+from rmll_onboard.safety.actuator_monitor import ActuatorMonitor
+from rmll_onboard.state.robot_state import MODE_SERVO, MotorCommand, RobotState
 from rmll_robots import A1
 
 KNEE = 2
@@ -29,22 +29,22 @@ def state(tau: float = 0.0, **knee: float) -> RobotState:
 
 
 @pytest.fixture
-def monitor() -> Obedience:
+def monitor() -> ActuatorMonitor:
     """Has been told to hold 10 N·m in each joint, five times."""
-    monitor = Obedience(ERROR, TICKS, A1)
+    monitor = ActuatorMonitor(ERROR, TICKS, A1)
     for _ in range(5):
         monitor.sent(command())
     return monitor
 
 
-def measured(monitor: Obedience, state: RobotState, times: int) -> Obedience:
+def measured(monitor: ActuatorMonitor, state: RobotState, times: int) -> ActuatorMonitor:
     for _ in range(times):
         monitor.measure(state)
     return monitor
 
 
 def test_nothing_is_said_before_five_commands():
-    monitor = Obedience(ERROR, TICKS, A1)
+    monitor = ActuatorMonitor(ERROR, TICKS, A1)
     for _ in range(4):
         monitor.sent(command())
     measured(monitor, state(tau=-100.0, mode=8), 400)
@@ -74,7 +74,7 @@ def test_speed_and_angle_count(monitor):
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_motor_gives_no_more_than_it_can(side):
-    monitor = Obedience(ERROR, TICKS, A1)
+    monitor = ActuatorMonitor(ERROR, TICKS, A1)
     for _ in range(5):
         monitor.sent(command(q=side * 5.0))  # 100 N·m
     measured(monitor, state(tau=side * A1.torque_limit), 400)
@@ -83,7 +83,7 @@ def test_a_motor_gives_no_more_than_it_can(side):
 
 @pytest.mark.parametrize("place", range(5))
 def test_any_of_the_latest_five_commands_may_be_the_one(place):
-    monitor = Obedience(ERROR, TICKS, A1)
+    monitor = ActuatorMonitor(ERROR, TICKS, A1)
     for number in range(5):
         monitor.sent(command(q=0.5 if number == place else -1.0))
     measured(monitor, state(tau=10.0), 50)
@@ -91,7 +91,7 @@ def test_any_of_the_latest_five_commands_may_be_the_one(place):
 
 
 def test_the_sixth_last_command_is_forgotten():
-    monitor = Obedience(ERROR, TICKS, A1)
+    monitor = ActuatorMonitor(ERROR, TICKS, A1)
     monitor.sent(command(q=0.5))
     for _ in range(5):
         monitor.sent(command(q=-0.5))

@@ -18,9 +18,9 @@ import msgspec
 import pytest
 import yaml
 
-from rmll_onboard import a1_wire
-from rmll_onboard.flight_log import FlightLog
-from rmll_onboard.settings import Link
+from rmll_onboard.protocol import a1_packets
+from rmll_onboard.recording.flight_log import FlightLog
+from rmll_onboard.settings.runtime_settings import LinkSettings
 from rmll_robots import A1
 
 BY_FLAGS = ("--vx", "0.5", "--frequency", "8")
@@ -55,7 +55,7 @@ def start(bundle_path, brisk, tmp_path):
     settings = tmp_path / "settings.yaml"
     # a busy machine is late, which is no fault of the robot's
     safety = msgspec.structs.replace(brisk.safety, stale_ms=1000, frozen_ms=5000)
-    link = Link(startup_timeout=30)
+    link = LinkSettings(startup_timeout=30)
     patient = msgspec.structs.replace(brisk, safety=safety, link=link)
     settings.write_text(yaml.safe_dump(msgspec.to_builtins(patient)))
 
@@ -183,7 +183,7 @@ def test_a_robot_that_does_not_answer(start, tmp_path):
         assert process.returncode == 1
         assert err == f"rmll-onboard: no answer from the robot at {address} in 0.3 s\n"
         board.settimeout(1)
-        command = a1_wire.decode_command(board.recv(2048))
+        command = a1_packets.decode_command(board.recv(2048))
         assert not command.kp.any()
         assert (command.kd > 0).all()
 

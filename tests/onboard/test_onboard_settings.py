@@ -8,8 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rmll_gaits.errors import InputError
-from rmll_onboard.can_settings import Bus, Can
-from rmll_onboard.settings import Link, Safety, Settings, as_yaml, load_settings
+from rmll_onboard.settings.can_settings import Bus, Can
+from rmll_onboard.settings.runtime_settings import (
+    LinkSettings,
+    RuntimeSettings,
+    Safety,
+    as_yaml,
+    load_settings,
+)
 
 
 @pytest.fixture
@@ -26,15 +32,17 @@ def refusal(tmp_path):
 
 def test_printed_defaults_are_a_settings_file(tmp_path):
     path = tmp_path / "settings.yaml"
-    path.write_text(as_yaml(Settings()))
-    assert load_settings(path) == load_settings(None) == Settings()
+    path.write_text(as_yaml(RuntimeSettings()))
+    assert load_settings(path) == load_settings(None) == RuntimeSettings()
 
 
 @pytest.mark.parametrize("odd", ["1e3", "010", "1:0", "on", "~", "a: b # c", "ü\n'", "2001-12-14"])
 def test_printed_settings_read_back_whatever_is_in_them(tmp_path, odd):
     bus = Bus(odd, odd)
     can = Can(buses=Can().buses | {odd: bus}, reply_timeout_ms=1e2)
-    settings = Settings(Link(robot_address=odd), safety=Safety(joint_margin=1e-05), can=can)
+    settings = RuntimeSettings(
+        LinkSettings(robot_address=odd), safety=Safety(joint_margin=1e-05), can=can
+    )
     path = tmp_path / "settings.yaml"
     path.write_text(as_yaml(settings))
     assert load_settings(path) == settings
@@ -44,9 +52,9 @@ def test_what_is_left_out_keeps_its_default(tmp_path):
     path = tmp_path / "settings.yaml"
     path.write_text("safety: {stale_ms: 30}")
     assert load_settings(path).safety.stale_ms == 30
-    assert load_settings(path).feet == Settings().feet
+    assert load_settings(path).feet == RuntimeSettings().feet
     path.write_text("")
-    assert load_settings(path) == Settings()
+    assert load_settings(path) == RuntimeSettings()
 
 
 @pytest.mark.parametrize(
@@ -101,4 +109,4 @@ def test_any_yaml_gives_settings_or_one_error(tmp_path_factory, plain):
     path = tmp_path_factory.mktemp("settings") / "settings.yaml"
     path.write_text(yaml.safe_dump(plain))
     with suppress(InputError):
-        assert isinstance(load_settings(path), Settings)
+        assert isinstance(load_settings(path), RuntimeSettings)

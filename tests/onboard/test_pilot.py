@@ -4,15 +4,15 @@ import pytest
 
 from rmll_gaits.errors import InputError
 from rmll_gaits.table import Commands
-from rmll_onboard.pilot import FlagPilot, RemotePilot
-from rmll_onboard.remote import Button, Remote
-from rmll_onboard.supervisor import NS, Mode, Request
+from rmll_onboard.commands.operator import FlagOperator, RemoteOperator
+from rmll_onboard.protocol.a1_remote import Button, Remote
+from rmll_onboard.state.modes import NS, Mode, Request
 
 RANGES = Commands(vx=(-1.0, 1.0), wz=(-1.0, 1.0), frequency=(6.0, 12.0))
 
 
 def test_up_and_down_change_c_f_once_a_push_and_within_what_was_trained():
-    pilot = RemotePilot(RANGES, 7.0, 0.08)
+    pilot = RemoteOperator(RANGES, 7.0, 0.08)
 
     def push(button: Button) -> float:
         held = [pilot.orders(0, Mode.WALKING, Remote(button)).command[2] for _ in range(3)]
@@ -27,7 +27,7 @@ def test_up_and_down_change_c_f_once_a_push_and_within_what_was_trained():
 
 def test_sticks_count_from_the_deadband_to_the_end():
     def vx_and_wz(ly: float, rx: float):
-        pilot = RemotePilot(Commands((-0.5, 1.0), (-1.0, 1.0), (6.0, 12.0)), 7.0, 0.1)
+        pilot = RemoteOperator(Commands((-0.5, 1.0), (-1.0, 1.0), (6.0, 12.0)), 7.0, 0.1)
         return pilot.orders(0, Mode.WALKING, Remote(ly=ly, rx=rx)).command[:2]
 
     assert vx_and_wz(0.1, -0.1) == (0, 0)
@@ -37,7 +37,7 @@ def test_sticks_count_from_the_deadband_to_the_end():
 
 
 def test_several_values_of_c_f_share_the_seconds():
-    pilot = FlagPilot(RANGES, 0.5, 0.0, (12, 6, 12), seconds=9.0)
+    pilot = FlagOperator(RANGES, 0.5, 0.0, (12, 6, 12), seconds=9.0)
     assert pilot.orders(0, Mode.DAMPING, Remote()).command == (0.5, 0.0, 12)
 
     def at(seconds: float):
@@ -59,9 +59,11 @@ def test_several_values_of_c_f_share_the_seconds():
 )
 def test_values_that_make_no_walk_are_refused(frequency, seconds, words):
     with pytest.raises(InputError, match=words):
-        FlagPilot(RANGES, 0.5, 0.0, frequency, seconds)
+        FlagOperator(RANGES, 0.5, 0.0, frequency, seconds)
 
 
 def test_one_value_and_none():
-    assert FlagPilot(RANGES, frequency=7.0).frequencies == (7.0,)
-    assert FlagPilot(RANGES).frequencies == FlagPilot(RANGES, frequency=()).frequencies == (9.0,)
+    assert FlagOperator(RANGES, frequency=7.0).frequencies == (7.0,)
+    assert (
+        FlagOperator(RANGES).frequencies == FlagOperator(RANGES, frequency=()).frequencies == (9.0,)
+    )

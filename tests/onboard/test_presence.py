@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmll_onboard.presence import Presence
-from rmll_onboard.remote import Button, Remote, encode
-from rmll_onboard.settings import Safety
+from rmll_onboard.protocol.a1_remote import Button, Remote, encode
+from rmll_onboard.safety.remote_watchdog import RemoteWatchdog
+from rmll_onboard.settings.runtime_settings import Safety
 
 DEADBAND = 0.08
 HEAD = b"\x55\x51"
@@ -21,7 +21,7 @@ def with_head(pressed: Remote) -> bytes:
 
 @pytest.fixture
 def lost():
-    presence = Presence(Safety(remote_lost_ms=500, remote_still=20), DEADBAND)
+    presence = RemoteWatchdog(Safety(remote_lost_ms=500, remote_still=20), DEADBAND)
     return lambda seconds, data: presence.lost(int(seconds * 1e9), data)
 
 
@@ -56,7 +56,7 @@ def test_limits_are_exact():
         (with_head(Remote()), NOTHING, 500_000_000),
         (NOTHING, encode(Remote(ly=0.7)), 20_000_000_000),
     ):
-        presence = Presence(Safety(remote_lost_ms=500, remote_still=20), DEADBAND)
+        presence = RemoteWatchdog(Safety(remote_lost_ms=500, remote_still=20), DEADBAND)
         presence.lost(0, before)
         assert presence.lost(7, data) is False
         assert presence.lost(7 + limit, data) is False
@@ -82,7 +82,7 @@ presses = st.lists(
 @given(*marks, st.tuples(stray, stray, stray, stray, stray), presses)
 def test_a_resting_remote_is_never_lost(head, unused, sticks, pressed):
     """Whatever its head, its unused bytes and its sticks are, and whatever was pressed before."""
-    presence = Presence(Safety(), DEADBAND)
+    presence = RemoteWatchdog(Safety(), DEADBAND)
     rest = head + struct.pack("<H5f", 0, *sticks) + unused
     now = 0
     for held in pressed:
@@ -98,7 +98,7 @@ def test_a_resting_remote_is_never_lost(head, unused, sticks, pressed):
 @pytest.mark.fuzz
 @given(*marks, presses)
 def test_all_forty_bytes_zero_are_lost_where_a_resting_remote_shows_more(head, unused, pressed):
-    presence = Presence(Safety(remote_lost_ms=500), DEADBAND)
+    presence = RemoteWatchdog(Safety(remote_lost_ms=500), DEADBAND)
     now = 0
     for held in [Remote(), *pressed]:
         now += 100_000_000

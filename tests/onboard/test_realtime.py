@@ -18,7 +18,7 @@ import os
 from pathlib import Path
 from rmll_gaits.errors import Failure
 from rmll_onboard import realtime
-from rmll_onboard.settings import Realtime
+from rmll_onboard.settings.runtime_settings import Realtime
 try:
     realtime.enter(Realtime({}))
 except Failure as failure:

@@ -14,21 +14,21 @@ import numpy as np
 import pytest
 
 from rmll_gaits.errors import Failure, InputError
-from rmll_onboard import recorder as recorders
-from rmll_onboard.about import describe
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.flight_log import FlightLog
-from rmll_onboard.record_process import record
-from rmll_onboard.recorder import Recorder
-from rmll_onboard.settings import Settings
-from rmll_onboard.tick import Tick
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.recording import recorder as recorders
+from rmll_onboard.recording.flight_log import FlightLog
+from rmll_onboard.recording.log_metadata import describe
+from rmll_onboard.recording.recorder import Recorder
+from rmll_onboard.recording.recorder_process import record
+from rmll_onboard.recording.telemetry import Tick
+from rmll_onboard.settings.runtime_settings import RuntimeSettings
 
 RANDOM = np.random.default_rng(0)
 
 
 @pytest.fixture(scope="module")
 def about(bundle_path):
-    return describe(load_bundle(bundle_path), Settings(), real_time=True)
+    return describe(load_bundle(bundle_path), RuntimeSettings(), real_time=True)
 
 
 @pytest.fixture(autouse=True)
@@ -208,11 +208,11 @@ def test_a_killed_daemon_loses_nothing_that_it_handed_over(bundle_path, tmp_path
     script = f"""
 import os, signal
 from pathlib import Path
-from rmll_onboard.about import describe
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.recorder import Recorder
-from rmll_onboard.settings import Settings
-from rmll_onboard.tick import Tick
+from rmll_onboard.recording.log_metadata import describe
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.recording.recorder import Recorder
+from rmll_onboard.settings.runtime_settings import Settings
+from rmll_onboard.recording.telemetry import Tick
 about = describe(load_bundle(Path({str(bundle_path)!r})), Settings(), real_time=True)
 recorder = Recorder(Path({str(path)!r}), about, 1000)
 for number in range(300):

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmll_onboard.report_text import report_text
+from rmll_onboard.runtime.report_text import report_text
 
 words = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=12)
 values = st.recursive(

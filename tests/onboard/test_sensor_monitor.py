@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rmll_onboard.a1_wire import RobotState
-from rmll_onboard.attitude_monitor import GRAVITY, AttitudeMonitor
-from rmll_onboard.joint_monitor import JointMonitor
-from rmll_onboard.sensor_monitor import SensorMonitor, Streams
-from rmll_onboard.settings import Safety
+from rmll_onboard.safety.attitude_monitor import GRAVITY, AttitudeMonitor
+from rmll_onboard.safety.joint_monitor import JointMonitor
+from rmll_onboard.safety.sensor_monitor import SensorMonitor
+from rmll_onboard.settings.runtime_settings import Safety
+from rmll_onboard.state.robot_state import RobotState, Streams
 from rmll_robots import A1
 
 PERIOD = 5_000_000

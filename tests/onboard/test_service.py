@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from rmll_onboard.service import Service
+from rmll_onboard.runtime.systemd_notify import SystemdNotifier
 
 SECOND = 1_000_000_000
 
@@ -36,7 +36,9 @@ def heard(listener: socket.socket) -> list[str]:
 
 def test_it_says_ready_once_and_alive_twice_as_often_as_it_must(manager):
     listener, environment = manager
-    service = Service(environment | {"WATCHDOG_USEC": "1000000", "WATCHDOG_PID": str(os.getpid())})
+    service = SystemdNotifier(
+        environment | {"WATCHDOG_USEC": "1000000", "WATCHDOG_PID": str(os.getpid())}
+    )
     for tick in range(401):
         service.ready()
         service.alive(5 * SECOND + tick * SECOND // 200)
@@ -50,7 +52,7 @@ def test_it_says_ready_once_and_alive_twice_as_often_as_it_must(manager):
 )
 def test_without_a_watchdog_of_ours_nobody_is_kept_informed(manager, watchdog):
     listener, environment = manager
-    service = Service(environment | watchdog)
+    service = SystemdNotifier(environment | watchdog)
     service.alive(SECOND)
     assert heard(listener) == []
     service.close()
@@ -58,7 +60,7 @@ def test_without_a_watchdog_of_ours_nobody_is_kept_informed(manager, watchdog):
 
 def test_a_manager_that_does_not_read_holds_nobody_up(manager):
     listener, environment = manager
-    service = Service(environment | {"WATCHDOG_USEC": "2"})
+    service = SystemdNotifier(environment | {"WATCHDOG_USEC": "2"})
     for tick in range(5000):
         service.alive(tick * SECOND)
     assert 0 < len(heard(listener)) < 5000
@@ -67,7 +69,7 @@ def test_a_manager_that_does_not_read_holds_nobody_up(manager):
 
 @pytest.mark.parametrize("environment", [{}, {"NOTIFY_SOCKET": "/nobody/there"}])
 def test_where_nobody_listens_nothing_happens(environment):
-    service = Service(environment | {"WATCHDOG_USEC": "1000000"})
+    service = SystemdNotifier(environment | {"WATCHDOG_USEC": "1000000"})
     service.ready()
     service.alive(SECOND)
     service.stopping()

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from rmll_gaits.errors import InputError
-from rmll_onboard import shipped
-from rmll_onboard.shipped import find_policy
+from rmll_onboard.control import shipped_policies
+from rmll_onboard.control.shipped_policies import find_policy
 
 SHIPPED = Path(__file__).parents[2] / "policies"
 
@@ -57,7 +57,7 @@ def test_what_is_not_there_is_told_with_what_is(monkeypatch) -> None:
     with pytest.raises(InputError, match=r"no policies/gallop\.onnx; there is: bound, half_bound"):
         find_policy(Path("gallop"))
     # an installed wheel has none
-    monkeypatch.setattr(shipped, "_CHECKOUT", Path("nowhere"))
+    monkeypatch.setattr(shipped_policies, "_CHECKOUT", Path("nowhere"))
     put("gallop.onnx")
     with pytest.raises(InputError) as error:
         find_policy(Path("gallop"))

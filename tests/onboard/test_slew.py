@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rmll_gaits.table import Commands
-from rmll_onboard.settings import Steering
-from rmll_onboard.slew import Slew
+from rmll_onboard.control.command_limiter import CommandRateLimiter
+from rmll_onboard.settings.runtime_settings import Steering
 
 TRAINED = Commands(vx=(-0.5, 1.0), wz=(-1.0, 1.0), frequency=(6.0, 12.0))
 STEERING = Steering(acceleration=2.0, turning=4.0, frequency=5.0)
@@ -18,7 +18,7 @@ anything = st.tuples(*[st.floats() | st.floats(-20, 20)] * 3)
 
 @given(st.lists(anything, min_size=1, max_size=30))
 def test_no_wish_leaves_what_was_trained_or_changes_faster_than_allowed(wishes):
-    slew = Slew(TRAINED, STEERING, 50)
+    slew = CommandRateLimiter(TRAINED, STEERING, 50)
     slew.reset(wishes[0])
     before = slew.step(wishes[0])
     for wish in wishes:
@@ -30,7 +30,7 @@ def test_no_wish_leaves_what_was_trained_or_changes_faster_than_allowed(wishes):
 
 
 def test_a_walk_starts_from_rest_and_gets_where_it_is_wanted_in_the_time_it_takes():
-    slew = Slew(TRAINED, STEERING, 50)
+    slew = CommandRateLimiter(TRAINED, STEERING, 50)
     slew.reset((1.0, -1.0, 7.0))
     steps = [slew.step((1.0, -1.0, 7.0)) for _ in range(25)]
     assert steps[0] == pytest.approx((0.04, -0.08, 7.0))
@@ -40,7 +40,7 @@ def test_a_walk_starts_from_rest_and_gets_where_it_is_wanted_in_the_time_it_take
 
 
 def test_a_limit_is_left_as_soon_as_the_wish_turns_back():
-    slew = Slew(TRAINED, STEERING, 50)
+    slew = CommandRateLimiter(TRAINED, STEERING, 50)
     slew.reset((0.0, 0.0, 9.0))
     for _ in range(100):
         slew.step((50.0, 0.0, 9.0))

@@ -6,9 +6,9 @@ from rmll_gaits.label import label
 from rmll_gaits.load import library_names, load_gait
 from rmll_gaits.progress import Progress
 from rmll_gaits.schedule import main_cycle, schedule
-from rmll_onboard.pilot import Orders
-from rmll_onboard.stop_sequence import StopSequence
-from rmll_onboard.supervisor import Mode, Request
+from rmll_onboard.commands.operator import OperatorCommand
+from rmll_onboard.safety.stop_sequence import StopSequence
+from rmll_onboard.state.modes import Mode, Request
 
 WALK = (0.5, 0.3, 8.0)
 ON_THE_SPOT = (0.0, 0.0, 8.0)
@@ -21,7 +21,7 @@ class At:
         self.stop = StopSequence(load_gait("trot"), seconds=1.0)
 
     def __call__(self, seconds, request, stuck=False, mode=Mode.WALKING):
-        return self.stop.orders(int(seconds * 1e9), mode, Orders(request, WALK), stuck)
+        return self.stop.orders(int(seconds * 1e9), mode, OperatorCommand(request, WALK), stuck)
 
 
 @pytest.fixture
@@ -31,37 +31,37 @@ def at():
 
 @pytest.mark.parametrize("request_", [Request.STAND, Request.SIT])
 def test_every_wish_to_end_a_walk_is_a_second_on_the_spot_first(at, request_):
-    assert at(0.0, None) == Orders(None, WALK)
+    assert at(0.0, None) == OperatorCommand(None, WALK)
     assert not at.stop.under_way
     for second in (0.1, 0.6, 1.09):
-        assert at(second, request_) == Orders(None, ON_THE_SPOT)
+        assert at(second, request_) == OperatorCommand(None, ON_THE_SPOT)
         assert at.stop.under_way
-    assert at(1.1, request_) == Orders(request_, ON_THE_SPOT)
+    assert at(1.1, request_) == OperatorCommand(request_, ON_THE_SPOT)
     assert at.stop.stuck_walks == 0
 
 
 def test_a_stuck_gait_stops_as_all_others_do_and_stands(at):
-    assert at(0.0, None, stuck=True) == Orders(None, ON_THE_SPOT)
+    assert at(0.0, None, stuck=True) == OperatorCommand(None, ON_THE_SPOT)
     # once the poses follow the clock, it is stuck no more
-    assert at(0.5, None) == Orders(None, ON_THE_SPOT)
-    assert at(1.0, None) == Orders(Request.STAND, ON_THE_SPOT)
+    assert at(0.5, None) == OperatorCommand(None, ON_THE_SPOT)
+    assert at(1.0, None) == OperatorCommand(Request.STAND, ON_THE_SPOT)
     assert at.stop.stuck_walks == 1
 
 
 def test_a_button_need_not_be_held_and_walk_calls_a_stop_off(at):
     at(0.1, Request.STAND)
-    assert at(0.2, None) == Orders(None, ON_THE_SPOT)
-    assert at(0.3, Request.WALK) == Orders(Request.WALK, WALK)
+    assert at(0.2, None) == OperatorCommand(None, ON_THE_SPOT)
+    assert at(0.3, Request.WALK) == OperatorCommand(Request.WALK, WALK)
     assert not at.stop.under_way
     at(0.4, Request.SIT)
     assert at(1.3, None).request is None
-    assert at(1.4, None) == Orders(Request.SIT, ON_THE_SPOT)
+    assert at(1.4, None) == OperatorCommand(Request.SIT, ON_THE_SPOT)
 
 
 def test_a_stuck_gait_is_not_walked_on_by_a_button_that_is_held(at):
     at(0.0, Request.WALK, stuck=True)
-    assert at(0.5, Request.WALK) == Orders(None, ON_THE_SPOT)
-    assert at(1.0, Request.WALK) == Orders(Request.STAND, ON_THE_SPOT)
+    assert at(0.5, Request.WALK) == OperatorCommand(None, ON_THE_SPOT)
+    assert at(1.0, Request.WALK) == OperatorCommand(Request.STAND, ON_THE_SPOT)
 
 
 def test_the_last_wish_counts_also_when_the_gait_is_stuck(at):
@@ -92,7 +92,7 @@ def test_without_a_walk_all_wishes_pass_and_a_stop_is_forgotten(at):
     at(0.0, None, stuck=True)
     for mode in (mode for mode in Mode if mode is not Mode.WALKING):
         for request in (*Request, None):
-            assert at(0.5, request, mode=mode) == Orders(request, WALK)
+            assert at(0.5, request, mode=mode) == OperatorCommand(request, WALK)
             assert not at.stop.under_way
     at(9.0, None, stuck=True)  # the next walk
     assert at(9.5, None).request is None

@@ -8,19 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from rmll_onboard.a1_wire import (
-    MODE_SERVO,
-    POS_STOP,
-    RobotState,
-    decode_command,
-    encode_command,
-)
-from rmll_onboard.settings import Settings
-from rmll_onboard.supervisor import NS, Mode, Request, Supervisor
+from rmll_onboard.protocol.a1_packets import decode_command, encode_command
+from rmll_onboard.safety.supervisor import Supervisor
+from rmll_onboard.settings.runtime_settings import RuntimeSettings
+from rmll_onboard.state.modes import NS, Mode, Request
+from rmll_onboard.state.robot_state import MODE_SERVO, POS_STOP, RobotState
 from rmll_robots import A1
 
 PERIOD = NS // 200
-MOTION = Settings().motion
+MOTION = RuntimeSettings().motion
 
 
 class Bench:
@@ -28,7 +24,7 @@ class Bench:
 
     def __init__(self, q=A1.crouch_pose):
         self.supervisor = Supervisor(
-            A1, Settings(), A1.default_pose, (A1.kp, A1.kd), A1.torque_limit
+            A1, RuntimeSettings(), A1.default_pose, (A1.kp, A1.kd), A1.torque_limit
         )
         self.state = RobotState(q=np.array(q))
         self.target = A1.default_pose + 0.1

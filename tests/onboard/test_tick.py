@@ -5,15 +5,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rmll_onboard.daemon import Daemon
-from rmll_onboard.pilot import FlagPilot
-from rmll_onboard.supervisor import Request
-from rmll_onboard.tick import Witness, columns, row
+from rmll_onboard.commands.operator import FlagOperator
+from rmll_onboard.recording.telemetry import columns, row
+from rmll_onboard.runtime.daemon import Daemon
+from rmll_onboard.runtime.tick_listener import TickListener
+from rmll_onboard.state.modes import Request
 
 
 @pytest.fixture
 def daemon(bundle, brisk):
-    pilot = FlagPilot(bundle.table.commands, 0.5, 0.0, 8.0, seconds=1.0)
+    pilot = FlagOperator(bundle.table.commands, 0.5, 0.0, 8.0, seconds=1.0)
     return Daemon(bundle, brisk, pilot)
 
 
@@ -21,7 +22,7 @@ def daemon(bundle, brisk):
 def ticks(daemon, robot):
     """A walk of a second, with the daemon's controller as it was at the end."""
     kept, datagrams, now = [], [], 0
-    witness = Witness(daemon, kept.append)
+    witness = TickListener(daemon, kept.append)
     while not daemon.finished:
         now += daemon.period
         answer = daemon.tick(now, datagrams)

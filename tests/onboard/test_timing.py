@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmll_onboard.timing import Durations, Timing, memory_mb, table
+from rmll_onboard.runtime.timing import Durations, Timing, memory_mb, table
 
 US, MINUTE = 1000, 60_000_000_000
 

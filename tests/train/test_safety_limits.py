@@ -3,7 +3,7 @@
 import torch
 
 from rmll_gaits.load import load_gait
-from rmll_onboard.settings import Safety
+from rmll_onboard.settings.runtime_settings import Safety
 from rmll_robots import A1
 from rmll_train.environment import GaitEnv
 from rmll_train.safety_limits import SafetyLimits

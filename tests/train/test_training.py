@@ -20,8 +20,8 @@ from rmll_export.bundle import export
 from rmll_export.checkpoint import read
 from rmll_gaits.errors import Failure, InputError
 from rmll_gaits.load import load_gait
-from rmll_onboard.bundle import load_bundle
-from rmll_onboard.controller import prove
+from rmll_onboard.control.bundle import load_bundle
+from rmll_onboard.control.controller import prove
 from rmll_robots import A1
 from rmll_train.checkpoint import load_checkpoint, save_checkpoint
 from rmll_train.cli import _chosen, _continued, _summary, count, main

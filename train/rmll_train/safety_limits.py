@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from rmll_onboard.guard import WILD
-from rmll_onboard.settings import Safety
+from rmll_onboard.safety.guard import WILD
+from rmll_onboard.settings.runtime_settings import Safety
 from rmll_train.environment import GaitEnv
 
 
