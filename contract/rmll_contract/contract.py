@@ -10,9 +10,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from rmll_common.errors import InputError
 from rmll_contract import observation
 from rmll_contract.observation import Field, Profile
-from rmll_gaits.errors import InputError
 from rmll_gaits.table import MachineTable
 from rmll_robots import Robot
 

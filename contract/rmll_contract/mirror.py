@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rmll_common.errors import InputError
 from rmll_contract.observation import Field
-from rmll_gaits.errors import InputError
 from rmll_gaits.symmetry import MIRROR_FEET
 from rmll_robots import Robot
 

@@ -7,7 +7,7 @@ the file, by exporter and robot alike, so any later edit shows before the networ
 import hashlib
 from collections.abc import Iterator
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 
 # Of ModelProto and StringStringEntryProto, onnx.proto
 _GRAPH, _METADATA = 7, 14

@@ -33,7 +33,7 @@ class Conditions:
         return ground + (" with pushes" if self.pushes else "")
 
 
-class Push(NamedTuple):
+class VelocityPush(NamedTuple):
     """A sudden change of the base's velocity."""
 
     at: float
@@ -42,11 +42,12 @@ class Push(NamedTuple):
     """[m/s] along the world's x and y"""
 
 
-def pushes(seed: int, seconds: float) -> list[Push]:
+def pushes(seed: int, seconds: float) -> list[VelocityPush]:
     """Those of one walk."""
     rng = np.random.default_rng([seed, 1])
     moments = np.arange(PUSH_INTERVAL, seconds, PUSH_INTERVAL)
     along = rng.uniform(-PUSH_VELOCITY, PUSH_VELOCITY, (len(moments), 2))
     return [
-        Push(float(at), (float(x), float(y))) for at, (x, y) in zip(moments, along, strict=True)
+        VelocityPush(float(at), (float(x), float(y)))
+        for at, (x, y) in zip(moments, along, strict=True)
     ]

@@ -10,15 +10,15 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
+from rmll_gaits.adherence import GaitProgress
 from rmll_gaits.label import FEET, NUM_LABELS
 from rmll_gaits.pose import to_text
-from rmll_gaits.progress import Progress
 from rmll_gaits.schedule import POLICY_HZ, schedule, transition_rate
 from rmll_gaits.table import MachineTable
 from rmll_onboard.recording.flight_log import FlightLog
 from rmll_onboard.state.modes import NS, Mode
-from rmll_view.contacts import full_cycles
+from rmll_view.contact_diagram import full_cycles
 
 GAP = 1.5 / POLICY_HZ
 """[s] between two rows that do not follow each other: ticks are missing there"""
@@ -26,7 +26,7 @@ LONGEST = 1000.0
 """c_f [policy steps] and factor of it that no gait has"""
 
 
-class Row(msgspec.Struct, frozen=True):
+class ConformanceRow(msgspec.Struct, frozen=True):
     """What is wanted of a log's row."""
 
     t_ns: Annotated[int, Meta(ge=0, lt=1 << 62)]
@@ -38,7 +38,7 @@ class Row(msgspec.Struct, frozen=True):
 
 
 @dataclass(frozen=True)
-class Walk:
+class RecordedWalk:
     """A stretch of walking without a break, judged. Arrays are (T,), one entry a policy step."""
 
     times: NDArray[np.float64]
@@ -105,7 +105,7 @@ class Conformance:
     dwell: dict[str, Dwell] = field(default_factory=dict)
 
 
-def walks(log: FlightLog) -> list[Walk]:
+def walks(log: FlightLog) -> list[RecordedWalk]:
     """The log's walks, put through the automaton; raises InputError if there is none."""
     table = log.about.machine_table()
     if table.dwell.max() > LONGEST:
@@ -116,7 +116,7 @@ def walks(log: FlightLog) -> list[Walk]:
     return found
 
 
-def conformance(found: Sequence[Walk], table: MachineTable) -> Conformance:
+def conformance(found: Sequence[RecordedWalk], table: MachineTable) -> Conformance:
     """What ``found``, at least one walk, comes to."""
     frequency = np.concatenate([walk.frequency for walk in found])
     advanced = np.concatenate([walk.advanced for walk in found])
@@ -142,10 +142,10 @@ def conformance(found: Sequence[Walk], table: MachineTable) -> Conformance:
     )
 
 
-def _stretches(log: FlightLog) -> Iterator[list[Row]]:
+def _stretches(log: FlightLog) -> Iterator[list[ConformanceRow]]:
     """Rows of each walk."""
-    rows: list[Row] = []
-    for row in log.rows(Row):
+    rows: list[ConformanceRow] = []
+    for row in log.rows(ConformanceRow):
         walking = row.mode == Mode.WALKING
         if rows and not (walking and 0 < row.t_ns - rows[-1].t_ns <= GAP * NS):
             yield rows
@@ -156,7 +156,7 @@ def _stretches(log: FlightLog) -> Iterator[list[Row]]:
         yield rows
 
 
-def _judge(rows: list[Row], table: MachineTable, source: str) -> Walk:
+def _judge(rows: list[ConformanceRow], table: MachineTable, source: str) -> RecordedWalk:
     """Where a log has a gap, the daemon's word is taken for where the robot was after it."""
     states = {name: index for index, name in enumerate(table.states)}
     if strange := {row.state for row in rows} - set(states):
@@ -164,7 +164,7 @@ def _judge(rows: list[Row], table: MachineTable, source: str) -> Walk:
     for row in rows:
         if not 0 < row.frequency <= LONGEST:
             raise InputError(f"{source}: walks with a c_f of {row.frequency:g}")
-    progress = Progress(table)
+    progress = GaitProgress(table)
     progress.state, progress.phi = states[rows[0].state], rows[0].phi
     steps = []
     for row in rows:
@@ -173,7 +173,7 @@ def _judge(rows: list[Row], table: MachineTable, source: str) -> Walk:
         steps.append((progress.state, progress.advanced, progress.off_spec, phi + 1))
     recorded = np.array([states[row.state] for row in rows])
     after, advanced, off_spec, dwell = (np.array(column) for column in zip(*steps, strict=True))
-    return Walk(
+    return RecordedWalk(
         times=np.array([row.t_ns for row in rows]) / NS,
         labels=np.array([row.label for row in rows]),
         states=after,
@@ -185,7 +185,7 @@ def _judge(rows: list[Row], table: MachineTable, source: str) -> Walk:
     )
 
 
-def _unexplained(found: Sequence[Walk], table: MachineTable) -> dict[str, int]:
+def _unexplained(found: Sequence[RecordedWalk], table: MachineTable) -> dict[str, int]:
     counts: dict[str, int] = {}
     for walk in found:
         at = walk.off_spec
@@ -195,7 +195,9 @@ def _unexplained(found: Sequence[Walk], table: MachineTable) -> dict[str, int]:
     return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
 
-def _dwell(found: Sequence[Walk], table: MachineTable, frequency: float) -> dict[str, Dwell]:
+def _dwell(
+    found: Sequence[RecordedWalk], table: MachineTable, frequency: float
+) -> dict[str, Dwell]:
     cycle = schedule(table, frequency)
     allowed = {phase.state: n for phase, n in zip(cycle.phases, cycle.steps, strict=True)}
     dwell = {}

@@ -10,14 +10,14 @@ import tyro
 from rich.table import Table
 from rich.text import Text
 
-from rmll_contract.output import output_file
-from rmll_eval.conformance import Conformance, Walk, walks
+from rmll_common.output_file import output_file
+from rmll_eval.conformance import Conformance, RecordedWalk, walks
 from rmll_eval.conformance import conformance as judge
 from rmll_gaits.table import MachineTable
-from rmll_hil import results
+from rmll_hil.runs import run_folder
 from rmll_onboard.recording.flight_log import FlightLog, missing
 from rmll_view.console import console
-from rmll_view.contacts import contact_figure
+from rmll_view.contact_diagram import contact_figure
 
 SHOWN = 6
 """Kinds of off-spec contact that are listed; --json has them all"""
@@ -54,12 +54,12 @@ def conformance(
         _show(judged)
         for line in missing(flight.gaps, flight.lost):
             print(line)
-    target = out or results.folder(None, f"{table.gait}-conformance") / "conformance.png"
+    target = out or run_folder.folder(None, f"{table.gait}-conformance") / "conformance.png"
     _picture(target, max(found, key=lambda walk: len(walk.times)), table, judged)
     print(target, file=sys.stderr)
 
 
-def _picture(path: Path, walk: Walk, table: MachineTable, judged: Conformance) -> None:
+def _picture(path: Path, walk: RecordedWalk, table: MachineTable, judged: Conformance) -> None:
     """The longest walk."""
     title = (
         f"{judged.gait}, c_f {judged.frequency:.3g}: adherence {judged.adherence:.2f}, "

@@ -7,20 +7,24 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from rmll_eval.conditions import Conditions, Push, pushes
-from rmll_eval.trial import Trial
-from rmll_eval.walk import Walk
-from rmll_hil import lockstep
-from rmll_hil.emulator import Emulator, Settings
-from rmll_hil.metrics import summary
-from rmll_hil.world import World, push
+from rmll_eval.conditions import Conditions, VelocityPush, pushes
+from rmll_eval.evaluation_case import EvaluationCase
+from rmll_eval.walk_metrics import WalkMetrics
+from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.robot.world import World, push
+from rmll_hil.runs import lockstep
+from rmll_hil.runs.metrics import summary
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import load_bundle
 
 
 def walks(
-    bundle: Path, trials: Sequence[Trial], seconds: float, conditions: Conditions, jobs: int
-) -> Iterator[Walk]:
+    bundle: Path,
+    trials: Sequence[EvaluationCase],
+    seconds: float,
+    conditions: Conditions,
+    jobs: int,
+) -> Iterator[WalkMetrics]:
     """The walks of ``trials`` in their order, as they come, ``jobs`` at a time.
 
     Each is a world of its own with its own seed, so the number of jobs changes nothing else.
@@ -34,14 +38,16 @@ def walks(
         yield from pool.map(walk_one, trials)
 
 
-def settings(conditions: Conditions, seed: int) -> Settings:
+def settings(conditions: Conditions, seed: int) -> EmulatorSettings:
     """Of the emulated robot; raises InputError for a level that there is not."""
-    chosen = Settings(seed=seed, ground=conditions.ground, level=conditions.level)
+    chosen = EmulatorSettings(seed=seed, ground=conditions.ground, level=conditions.level)
     chosen.check()
     return chosen
 
 
-def walk(bundle: Path, seconds: float, conditions: Conditions, trial: Trial) -> Walk:
+def walk(
+    bundle: Path, seconds: float, conditions: Conditions, trial: EvaluationCase
+) -> WalkMetrics:
     """Stand up, walk for ``seconds``, sit down."""
     loaded = load_bundle(bundle)
     emulator = Emulator(settings(conditions, trial.seed), robot=loaded.robot)
@@ -49,10 +55,12 @@ def walk(bundle: Path, seconds: float, conditions: Conditions, trial: Trial) -> 
     planned = pushes(trial.seed, seconds) if conditions.pushes else []
     outcome = lockstep.walk(emulator, loaded, pilot, _pushing(emulator.world, planned))
     found = summary(outcome, loaded.contract.gait, loaded.robot)
-    return Walk(trial, **{name: found[name] for name in Walk.__dataclass_fields__ if name in found})
+    return WalkMetrics(
+        trial, **{name: found[name] for name in WalkMetrics.__dataclass_fields__ if name in found}
+    )
 
 
-def _pushing(world: World, planned: list[Push]) -> Callable[[float], None]:
+def _pushing(world: World, planned: list[VelocityPush]) -> Callable[[float], None]:
     """To be called with the robot's time [s] at each policy step; the first is walking's start."""
     start: float | None = None
 

@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from rmll_eval.conditions import Conditions
-from rmll_eval.paper import FLAT, Reference
-from rmll_eval.walk import ENERGY, METRICS, Walk, fallen, faulted, mean, stuck, worst
+from rmll_eval.paper_reference import FLAT, Reference
+from rmll_eval.walk_metrics import ENERGY, METRICS, WalkMetrics, fallen, faulted, mean, stuck, worst
 
 _WORLDS = {"emulator": "in the emulator", "trainer": "in the trainer's world"}
 
@@ -24,7 +24,7 @@ class Evaluation:
     """of each walk"""
     seed: int
     conditions: Conditions
-    walks: Sequence[Walk]
+    walks: Sequence[WalkMetrics]
 
     @property
     def title(self) -> str:
@@ -41,7 +41,7 @@ class Evaluation:
         it does not have."""
         return FLAT.get(self.gait) if self.conditions.ground == "flat" else None
 
-    def at_the_papers_speeds(self) -> list[Walk]:
+    def at_the_papers_speeds(self) -> list[WalkMetrics]:
         """Walks with a speed at which the paper measured this gait's energy."""
         if self.reference is None:
             return []
@@ -53,7 +53,7 @@ class Evaluation:
         trials = [walk.trial for walk in self.walks]
         return sorted({t.vx for t in trials}), sorted({t.frequency for t in trials})
 
-    def cell(self, vx: float, frequency: float) -> list[Walk]:
+    def cell(self, vx: float, frequency: float) -> list[WalkMetrics]:
         """The walks of a grid with this command."""
         wanted = vx, frequency
         return [walk for walk in self.walks if (walk.trial.vx, walk.trial.frequency) == wanted]
@@ -85,6 +85,6 @@ class Evaluation:
         }
 
 
-def _flat(walk: Walk) -> dict[str, Any]:
+def _flat(walk: WalkMetrics) -> dict[str, Any]:
     plain = asdict(walk)
     return plain.pop("trial") | plain

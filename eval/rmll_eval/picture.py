@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rmll_eval.evaluation import Evaluation
-from rmll_eval.walk import ADHERENCE, ENERGY, VX_ERROR, Metric, fallen, mean
+from rmll_eval.walk_metrics import ADHERENCE, ENERGY, VX_ERROR, Metric, fallen, mean
 from rmll_view.grid import Panel, grid_figure
 
 _PANELS = ((ADHERENCE, (0.5, 1.0)), (VX_ERROR, (0.0, 0.4)), (ENERGY, (0.0, 300.0)))

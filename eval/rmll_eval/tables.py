@@ -5,7 +5,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rmll_eval.evaluation import Evaluation
-from rmll_eval.walk import ENERGY, METRICS, Metric, fallen, faulted, mean, stuck, worst
+from rmll_eval.walk_metrics import ENERGY, METRICS, Metric, fallen, faulted, mean, stuck, worst
 from rmll_view.console import console
 
 

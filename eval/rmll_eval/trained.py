@@ -11,18 +11,18 @@ from onnx import numpy_helper
 from tensordict import TensorDict
 from torch import Tensor, nn
 
+from rmll_common.errors import InputError
 from rmll_contract.mirror import Mirror
 from rmll_eval.conditions import PUSH_INTERVAL, PUSH_VELOCITY, Conditions
-from rmll_eval.trial import Trial
-from rmll_eval.walk import Walk
-from rmll_gaits.errors import InputError
-from rmll_hil.metrics import cost_of_transport
+from rmll_eval.evaluation_case import EvaluationCase
+from rmll_eval.walk_metrics import WalkMetrics
+from rmll_hil.runs.metrics import cost_of_transport
 from rmll_onboard.control.bundle import Bundle, load_bundle
 from rmll_robots.ground import course
-from rmll_train.environment import GaitEnv
-from rmll_train.evaluation import evaluate
-from rmll_train.folding import Reflected
-from rmll_train.settings import Ground, World
+from rmll_train.env.environment import GaitEnv
+from rmll_train.learning.network_symmetry import Mirrored
+from rmll_train.periodic_evaluation import evaluate
+from rmll_train.train_settings import EnvSettings, GroundSettings
 
 _SETTLING = 2.0
 """[s] by which an episode is longer than the walk, so that none ends during it for its age"""
@@ -31,8 +31,8 @@ _ACTIVATIONS = {"Relu": nn.ReLU, "Elu": nn.ELU}
 
 
 def walks(
-    bundle: Path, trials: Sequence[Trial], seconds: float, conditions: Conditions
-) -> Iterator[Walk]:
+    bundle: Path, trials: Sequence[EvaluationCase], seconds: float, conditions: Conditions
+) -> Iterator[WalkMetrics]:
     """One robot a trial, each with its own noise, friction, mass, delay and pushes, which all come
     from the first trial's seed, as does the ground, which they share.
 
@@ -51,7 +51,7 @@ def walks(
         own = tally.robot(index)
         found = own.metrics()
         energy = found["energy_per_metre"]
-        yield Walk(
+        yield WalkMetrics(
             trial,
             adherence=found["adherence"],
             off_spec_contact=found["off_spec_contact"],
@@ -83,9 +83,9 @@ def actor(bundle: Path) -> Callable[[TensorDict], Tensor]:
     return lambda observed: act(observed["policy"])
 
 
-def _reflected(weights: dict[str, Tensor], name: str) -> Reflected:
+def _reflected(weights: dict[str, Tensor], name: str) -> Mirrored:
     """The trainer's own folding, with the mirror that the bundle carries."""
-    return Reflected(Mirror(weights[f"{name}.source"].numpy(), weights[f"{name}.sign"].numpy()))
+    return Mirrored(Mirror(weights[f"{name}.source"].numpy(), weights[f"{name}.sign"].numpy()))
 
 
 def _mlp(graph: onnx.GraphProto, weights: dict[str, Tensor], name: str) -> nn.Sequential:
@@ -111,11 +111,11 @@ def _activation(kind: str) -> nn.Module:
     return _ACTIVATIONS[kind]()
 
 
-def _under(conditions: Conditions, world: World) -> World:
+def _under(conditions: Conditions, world: EnvSettings) -> EnvSettings:
     """The world with the ground and the pushes that are wanted, instead of those of training."""
-    ground = Ground()
+    ground = GroundSettings()
     if conditions.ground != "flat":
-        ground = Ground(**asdict(course(conditions.ground, conditions.level)))
+        ground = GroundSettings(**asdict(course(conditions.ground, conditions.level)))
     disturbed = replace(
         world.randomisation,
         push_interval=PUSH_INTERVAL,
@@ -124,11 +124,11 @@ def _under(conditions: Conditions, world: World) -> World:
     return replace(world, ground=ground, randomisation=disturbed)
 
 
-def _world(bundle: Bundle) -> World:
+def _world(bundle: Bundle) -> EnvSettings:
     """The world of the policy's training; settings that are newer than the policy are at their
     defaults."""
     settings = bundle.contract.provenance.get("settings", {})
     try:
-        return msgspec.convert(settings.get("world", {}), World)
+        return msgspec.convert(settings.get("world", {}), EnvSettings)
     except msgspec.ValidationError as error:
         raise InputError(f"{bundle.source}: its training settings: {error}") from error

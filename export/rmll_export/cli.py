@@ -7,18 +7,18 @@ from typing import Annotated, Any
 
 import tyro
 
-from rmll_contract import command
-from rmll_contract.output import output_file
-from rmll_export.bundle import export
+from rmll_common import command_line
+from rmll_common.errors import InputError
+from rmll_common.output_file import output_file
 from rmll_export.card import MEASURED
 from rmll_export.card import card as write_card
-from rmll_export.checkpoint import read
+from rmll_export.checkpoint_reader import read
+from rmll_export.export_bundle import export
 from rmll_export.runs import Choice, as_named, choose
-from rmll_gaits.errors import InputError
 
 
 def main() -> None:
-    command.run("rmll-export", _export)
+    command_line.run("rmll-export", _export)
 
 
 def _export(

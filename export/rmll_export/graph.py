@@ -13,7 +13,7 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from rmll_contract.contract import Contract
-from rmll_export.checkpoint import Checkpoint, Fold, Layers
+from rmll_export.checkpoint_reader import Checkpoint, Layers, MirrorFold
 
 OPSET = 17
 IR_VERSION = 9
@@ -74,7 +74,7 @@ def _mlp(
             nodes.append(helper.make_node("Relu", [out], [value]))
 
 
-def _turned(fold: Fold, nodes: list[onnx.NodeProto], weights: list[onnx.TensorProto]) -> None:
+def _turned(fold: MirrorFold, nodes: list[onnx.NodeProto], weights: list[onnx.TensorProto]) -> None:
     """``turned`` (1, 1), Boolean: the observation's state is one that is turned."""
     mask = np.zeros((len(fold.mirrors["observation"][0]), 1), np.float32)
     mask[: len(fold.turned_states), 0] = fold.turned_states
@@ -85,7 +85,7 @@ def _turned(fold: Fold, nodes: list[onnx.NodeProto], weights: list[onnx.TensorPr
 
 
 def _reflected(
-    fold: Fold, name: str, source: str, target: str,
+    fold: MirrorFold, name: str, source: str, target: str,
     nodes: list[onnx.NodeProto], weights: list[onnx.TensorProto],
 ) -> None:  # fmt: skip
     """target = the image of source where turned, else source"""

@@ -10,8 +10,8 @@ from typing import Any
 
 import msgspec
 
-from rmll_export.checkpoint import origin
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
+from rmll_export.checkpoint_reader import origin
 from rmll_gaits.load import is_gait_file, library_names, load_gait
 from rmll_gaits.table import MachineTable
 
@@ -44,7 +44,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class _Policy:
+class _FoundPolicy:
     checkpoint: Path
     name: str
     """of its gait"""
@@ -119,7 +119,7 @@ def _checkpoint(named: str) -> Path | None:
     return None
 
 
-def _policies(name: str, runs: Path, shipped: Path | None) -> tuple[list[_Policy], list[str]]:
+def _policies(name: str, runs: Path, shipped: Path | None) -> tuple[list[_FoundPolicy], list[str]]:
     """All policies of a name, the best first, and what could not be read, with the reason."""
     found, unread = [], []
     paths = [run / POLICY for run in (runs / name).glob("*") if run.is_dir()]
@@ -135,7 +135,7 @@ def _policies(name: str, runs: Path, shipped: Path | None) -> tuple[list[_Policy
     return found, unread
 
 
-def _read(path: Path) -> _Policy:
+def _read(path: Path) -> _FoundPolicy:
     """Raises InputError."""
     about = origin(path)
     rules = MachineTable.from_dict(about.table).rules
@@ -148,7 +148,7 @@ def _read(path: Path) -> _Policy:
         shortfalls = msgspec.convert(about.provenance.get("shortfalls", []), list[str])
     except msgspec.ValidationError as error:
         raise InputError(f"{path}: the shortfalls in its provenance: {error}") from error
-    return _Policy(path, about.gait, rules, state, written.stat().st_mtime, shortfalls)
+    return _FoundPolicy(path, about.gait, rules, state, written.stat().st_mtime, shortfalls)
 
 
 def _progress(provenance: dict[str, Any]) -> str:

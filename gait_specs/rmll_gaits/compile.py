@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from rmll_common.errors import InputError
 from rmll_gaits import pose
-from rmll_gaits.errors import InputError
 from rmll_gaits.label import NUM_LABELS
 from rmll_gaits.problems import problems
 from rmll_gaits.spec import SINK, GaitSpec

@@ -10,7 +10,7 @@ from contextlib import suppress
 from lark import Lark, Token, Transformer
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_gaits.label import NUM_LABELS
 from rmll_gaits.pose import BITS, PAPER_FEET
 

@@ -4,9 +4,9 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
+from rmll_common.errors import InputError
+from rmll_common.yaml_document import read_text
 from rmll_gaits.compile import compile_gait
-from rmll_gaits.document import read_text
-from rmll_gaits.errors import InputError
 from rmll_gaits.spec import GaitSpec, read_spec
 from rmll_gaits.table import MachineTable
 

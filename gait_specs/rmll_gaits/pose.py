@@ -3,7 +3,7 @@
 Front and back, left and right. The robot's own names RL and RR are accepted for BL and BR.
 """
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_gaits.label import FEET, NUM_LABELS
 
 PAPER_FEET = ("FL", "FR", "BL", "BR")

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_gaits.label import NUM_LABELS
 from rmll_gaits.pose import BITS, PAPER_FEET
 from rmll_gaits.table import ADVANCE, MachineTable

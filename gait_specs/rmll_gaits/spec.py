@@ -9,9 +9,10 @@ Two forms. In full, states with guarded edges; or, for a plain cycle, the poses 
 
 from dataclasses import dataclass
 
-from rmll_gaits import document, formula, pose
-from rmll_gaits.document import LARGEST, Value
-from rmll_gaits.errors import InputError
+from rmll_common import yaml_document
+from rmll_common.errors import InputError
+from rmll_common.yaml_document import LARGEST, Value
+from rmll_gaits import formula, pose
 from rmll_gaits.table import MAX_STATES, Commands
 
 MAX_EDGES = 32
@@ -71,7 +72,7 @@ def read_spec(text: str, source: str) -> GaitSpec:
 
     Raises InputError, one line with line and column, for anything that is no gait.
     """
-    root = document.read(text, source)
+    root = yaml_document.read(text, source)
     entries = root.mapping(
         allowed=("gait", "description", "commands", "start", "states", "cycle"),
         required=("gait", "commands"),
@@ -192,7 +193,7 @@ def _known(value: Value, names: list[str]) -> str:
     return name
 
 
-def _only_with(entries: document.Mapping, *keys: str, what: str) -> None:
+def _only_with(entries: yaml_document.Mapping, *keys: str, what: str) -> None:
     for key in keys:
         if key in entries:
             raise entries[key].error(f"{key!r} goes with {what}")

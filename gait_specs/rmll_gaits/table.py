@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_gaits.label import NUM_LABELS
 
 STAY, ADVANCE, REJECT = 0, 1, 2

@@ -7,27 +7,27 @@ from typing import Annotated
 
 import tyro
 
-from rmll_contract import command
-from rmll_contract.output import output_file
-from rmll_gaits.errors import InputError
+from rmll_common import command_line
+from rmll_common.errors import InputError
+from rmll_common.output_file import output_file
 from rmll_gaits.load import library_names
-from rmll_hil.can_robot import CanRobot
-from rmll_hil.emulator import Emulator, Settings
-from rmll_hil.faults import Plan, load_plan
-from rmll_hil.serve import Reply, Stop, listen, save, serve
-from rmll_hil.serve_can import serve_can
+from rmll_hil.faults.fault_plan import Plan, load_plan
+from rmll_hil.robot.can_robot import CanRobot
+from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.robot.serve import Reply, Stop, listen, save, serve
+from rmll_hil.robot.serve_can import serve_can
 from rmll_onboard.interface.can_layout import Layout
 from rmll_onboard.interface.can_transport import CanTransport
 from rmll_onboard.settings.can_settings import Can
 from rmll_onboard.settings.runtime_settings import Kind, load_settings
 from rmll_robots import A1
 
-Robot = Annotated[Settings, tyro.conf.OmitArgPrefixes]
+Robot = Annotated[EmulatorSettings, tyro.conf.OmitArgPrefixes]
 SHIPPED = tuple(map(Path, library_names()))
 
 
 def serve_command(
-    robot: Robot = Settings(),  # noqa: B008 - frozen
+    robot: Robot = EmulatorSettings(),  # noqa: B008 - frozen
     host: str = "127.0.0.1",
     port: int = 8007,
     reply: Reply = "stream",
@@ -64,7 +64,7 @@ def serve_command(
     _told(emulator, realtime_factor, log)
 
 
-def _serve_can(robot: Settings, can: Can, plan: Plan, log: Path | None) -> None:
+def _serve_can(robot: EmulatorSettings, can: Can, plan: Plan, log: Path | None) -> None:
     if plan:
         raise InputError("--faults: a fault plan needs --link udp")
     wire = CanRobot(can, A1)
@@ -92,7 +92,7 @@ def run_command(
     vx: float | None = None,
     wz: float | None = None,
     frequency: tuple[float, ...] | None = None,
-    robot: Robot = Settings(),  # noqa: B008 - frozen
+    robot: Robot = EmulatorSettings(),  # noqa: B008 - frozen
     link: Kind | None = None,
     settings: Path | None = None,
     lockstep: bool = False,
@@ -124,7 +124,7 @@ def run_command(
         out: New folder for the results; hil-runs/GAIT-TIME by default.
     """
     # the emulator's own process has no use for what a run needs
-    from rmll_hil.run import run
+    from rmll_hil.runs.run import run
 
     daemon = load_settings(settings).over(link)
     run(policy, seconds, vx, wz, frequency, robot, daemon, lockstep, faults, json, out)
@@ -150,7 +150,7 @@ def replay_command(
         policies: Where the shipped bundles are.
         json: Print the result as one JSON object.
     """
-    from rmll_hil.replay_command import replay_command as replay
+    from rmll_hil.replay.replay_command import replay_command as replay
 
     replay(log, policy, policies, json)
 
@@ -182,7 +182,7 @@ def faults_command(
         out: Write the table to this Markdown file, or to faults.md in this folder.
         json: Print the table as one JSON object, a list of results for each fault.
     """
-    from rmll_hil.fault_command import faults
+    from rmll_hil.faults.fault_command import faults
 
     faults(policy, only, realtime, times, jobs, out, json)
 
@@ -210,7 +210,7 @@ def feet_command(
         out: Write the table to this Markdown file, or to feet.md in this folder.
         json: Print the table as one JSON list.
     """
-    from rmll_hil.feet_command import feet
+    from rmll_hil.runs.feet_command import feet
 
     feet(policies, only, seconds, jobs, out, json)
 
@@ -223,7 +223,7 @@ def main() -> None:
         "faults": faults_command,
         "feet": feet_command,
     }
-    command.run("rmll-hil", commands)
+    command_line.run("rmll-hil", commands)
 
 
 if __name__ == "__main__":

@@ -12,23 +12,18 @@ from typing import Any
 
 import msgspec
 
-from rmll_contract import command
-from rmll_gaits.errors import InputError
-from rmll_hil import lockstep
-from rmll_hil.emulator import Emulator
-from rmll_hil.fault_rows import BEGIN, ROWS, Row
-from rmll_hil.faults import parse_plan
+from rmll_common import command_line
+from rmll_common.errors import InputError
+from rmll_hil.faults.fault_plan import parse_plan
+from rmll_hil.faults.fault_rows import BEGIN, ROWS, FaultRow
+from rmll_hil.robot.emulator import Emulator
+from rmll_hil.runs import lockstep
 from rmll_onboard.commands.operator import FlagOperator, Operator, OperatorCommand, RemoteOperator
 from rmll_onboard.control.bundle import Bundle, load_bundle
 from rmll_onboard.protocol.a1_remote import Remote
 from rmll_onboard.recording.log_metadata import describe
 from rmll_onboard.recording.mcap_writer import log_file
-from rmll_onboard.settings.runtime_settings import (
-    Motion,
-    RuntimeSettings,
-    Safety,
-    Steering,
-)
+from rmll_onboard.settings.runtime_settings import Motion, RuntimeSettings, Safety, Steering
 from rmll_onboard.state.modes import NS, Mode
 
 FOLDER = Path("tests/hil/golden")
@@ -87,7 +82,7 @@ def walk(bundle: Bundle) -> Story:
     return Story(bundle.contract.gait, pilot, RuntimeSettings(motion=_MOTION))
 
 
-def fault(row: Row, bundle: Bundle) -> Story:
+def fault(row: FaultRow, bundle: Bundle) -> Story:
     """The fault as in the table, a little earlier."""
     commands = bundle.table.commands
     pilot = (
@@ -154,7 +149,7 @@ def golden(policies: Path = Path("policies"), out: Path = FOLDER) -> None:
 
 
 def main() -> None:
-    command.run("golden", golden)
+    command_line.run("golden", golden)
 
 
 if __name__ == "__main__":

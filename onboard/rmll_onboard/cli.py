@@ -9,8 +9,9 @@ from typing import Any
 
 import msgspec
 
-from rmll_contract import command, observation
-from rmll_gaits.errors import Failure, InputError
+from rmll_common import command_line
+from rmll_common.errors import Failure, InputError
+from rmll_contract import observation
 from rmll_onboard.commands.command_socket import SocketOperator
 from rmll_onboard.commands.gamepad import GamepadOperator, open_gamepad
 from rmll_onboard.commands.operator import FlagOperator, Operator, RemoteOperator
@@ -26,12 +27,7 @@ from rmll_onboard.runtime.daemon import Daemon
 from rmll_onboard.runtime.loop import Loop
 from rmll_onboard.runtime.report_text import report_text
 from rmll_onboard.runtime.systemd_notify import SystemdNotifier
-from rmll_onboard.settings.runtime_settings import (
-    Kind,
-    RuntimeSettings,
-    as_yaml,
-    load_settings,
-)
+from rmll_onboard.settings.runtime_settings import Kind, RuntimeSettings, as_yaml, load_settings
 
 BUTTONS = (
     "START stands up, A walks, B stands still, SELECT sits down, L2+B damps for good.\n"
@@ -211,7 +207,7 @@ def _show(entries: dict[str, Any], json: bool) -> None:
 
 
 def main() -> None:
-    command.run("rmll-onboard", onboard)
+    command_line.run("rmll-onboard", onboard)
 
 
 if __name__ == "__main__":

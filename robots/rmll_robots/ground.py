@@ -56,7 +56,7 @@ class Ground:
 
 
 @dataclass(frozen=True)
-class Field:
+class HeightField:
     """A height field centred on the world's origin, and where its tiles are."""
 
     heights: Heights
@@ -85,7 +85,7 @@ def course(kind: Kind, level: int) -> Ground:
     return Ground(kinds=(kind,), tile=48.0, platform=1.0, only=level)
 
 
-def build(ground: Ground, seed: int) -> Field:
+def build(ground: Ground, seed: int) -> HeightField:
     """Lay out a row of tiles for each level, one column for each of ``ground.kinds``."""
     rng = np.random.default_rng(seed)
     samples, margin = round(ground.tile / SPACING), round(MARGIN / SPACING)
@@ -102,10 +102,10 @@ def build(ground: Ground, seed: int) -> Field:
             heights[rows, columns] = _flattened(tile, ground.platform)
             centres[place, column] = (place + 0.5) * ground.tile, (column + 0.5) * ground.tile
     centres -= np.array([len(levels), len(kinds)], np.float32) * np.float32(ground.tile) / 2
-    return Field(np.pad(heights, margin), centres)
+    return HeightField(np.pad(heights, margin), centres)
 
 
-def lay(spec: Any, field: Field) -> None:
+def lay(spec: Any, field: HeightField) -> None:
     """Put the field in the place of the geom ``floor`` of a MuJoCo model's MjSpec.
 
     MuJoCo scales heights to 0..1, and back by the size.

@@ -21,12 +21,12 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 
-from rmll_hil import lockstep
-from rmll_hil.can_robot import CanRobot
-from rmll_hil.emulator import Emulator
-from rmll_hil.emulator import Settings as EmulatorSettings
-from rmll_hil.faults import parse_plan
-from rmll_hil.sensors import Noise, roll_pitch_yaw
+from rmll_hil.faults.fault_plan import parse_plan
+from rmll_hil.robot.can_robot import CanRobot
+from rmll_hil.robot.emulator import Emulator
+from rmll_hil.robot.emulator import EmulatorSettings as EmulatorSettings
+from rmll_hil.robot.sensors import Noise, roll_pitch_yaw
+from rmll_hil.runs import lockstep
 from rmll_onboard.commands.operator import OperatorCommand
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.interface.can_layout import Layout
@@ -234,15 +234,15 @@ def trained(number: int) -> dict[str, Any]:
     import torch
 
     from rmll_eval.trained import _world, actor
-    from rmll_train.environment import GaitEnv
-    from rmll_train.settings import Ground
+    from rmll_train.env.environment import GaitEnv
+    from rmll_train.train_settings import GroundSettings
 
     torch.set_num_threads(1)
     policy, rough = POLICIES[number % 8], number // 8 % 2
     bundle = load_bundle(policy)
     world = _world(bundle)
     pushed = replace(world.randomisation, push_interval=4.0, push_velocity=0.7)
-    ground = Ground(kinds=("rough",)) if rough else Ground()
+    ground = GroundSettings(kinds=("rough",)) if rough else GroundSettings()
     world = replace(
         world, envs=ROBOTS, randomisation=pushed, ground=ground, command_interval=3.0, episode=1e4
     )

@@ -51,12 +51,12 @@ def main() -> None:
 def child() -> None:
     """Print what auto chose and the median rate of each choice [environment steps/s]."""
     from rmll_gaits.load import load_gait
-    from rmll_train.settings import Settings, overlaid
+    from rmll_train.train_settings import TrainSettings, overlaid
     from rmll_train.training import Run
 
     gait = load_gait("trot")
     runs = {
-        choice: Run(overlaid(Settings(), {"learner": changed}, choice), gait)
+        choice: Run(overlaid(TrainSettings(), {"learner": changed}, choice), gait)
         for choice, changed in CHOICES.items()
     }
     rounds = [[run.update().rate for run in runs.values()] for _ in range(WARM_UP + UPDATES)]

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rmll_hil import lockstep
-from rmll_hil.emulator import Emulator, Settings
+from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.runs import lockstep
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import Bundle, load_bundle
 from rmll_onboard.interface.transport import UdpTransport
@@ -41,7 +41,7 @@ def new_pilot(bundle: Bundle) -> Callable[[], FlagOperator]:
 def walk(bundle: Bundle, new_pilot: Callable[[], FlagOperator]) -> list[Tick]:
     """Every tick of a walk with physics, from lying to lying."""
     ticks: list[Tick] = []
-    emulator = Emulator(Settings(), robot=bundle.robot)
+    emulator = Emulator(EmulatorSettings(), robot=bundle.robot)
     lockstep.walk(emulator, bundle, new_pilot(), lambda seconds: None, ticks.append)
     return ticks
 

@@ -23,8 +23,8 @@ import pytest
 import yaml
 from onnxruntime import OrtValue
 
+from rmll_common.errors import Failure
 from rmll_contract import observation
-from rmll_gaits.errors import Failure
 from rmll_onboard.control.bundle import Bundle
 from rmll_onboard.interface.transport import UdpTransport
 from rmll_onboard.protocol.a1_packets import LOW_CMD_LENGTH, decode_state, encode_command

@@ -16,13 +16,13 @@ from mujoco.batch import Batch
 
 from rmll_gaits.load import load_gait
 from rmll_robots import A1
-from rmll_train.environment import GaitEnv
-from rmll_train.learner import GaitPPO
-from rmll_train.precision import choose
-from rmll_train.settings import Settings
-from rmll_train.simulation import training_model
+from rmll_train.env.environment import GaitEnv
+from rmll_train.env.simulation import training_model
+from rmll_train.learning.gait_ppo import GaitPPO
+from rmll_train.learning.precision import choose
+from rmll_train.train_settings import TrainSettings
 
-SETTINGS = Settings()
+SETTINGS = TrainSettings()
 LEARNER = replace(SETTINGS.learner, bf16=choose(SETTINGS).bf16)
 ENVS, ROLLOUT = SETTINGS.world.envs, SETTINGS.learner.rollout
 

@@ -7,7 +7,7 @@ from importlib.metadata import version
 import pytest
 
 MODULES = {
-    "rmll-gait": "rmll_view.gait",
+    "rmll-gait": "rmll_view.gait_cli",
     "rmll-train": "rmll_train.cli",
     "rmll-export": "rmll_export.cli",
     "rmll-onboard": "rmll_onboard.cli",

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from rmll_contract.command import said
-from rmll_contract.output import output_file
-from rmll_gaits.errors import InputError
+from rmll_common.command_line import said
+from rmll_common.errors import InputError
+from rmll_common.output_file import output_file
 
 
 @pytest.mark.parametrize(
@@ -28,7 +28,9 @@ def test_the_system_is_quoted_without_its_numbers(error, words):
 
 
 def command(code: str, cwd: Path, **pipes) -> subprocess.Popen[str]:
-    program = f"from rmll_contract.command import run\ndef work():\n    {code}\nrun('rmll-x', work)"
+    program = (
+        f"from rmll_common.command_line import run\ndef work():\n    {code}\nrun('rmll-x', work)"
+    )
     return subprocess.Popen([sys.executable, "-c", program], text=True, cwd=cwd, **pipes)
 
 
@@ -55,7 +57,7 @@ def test_nobody_reading_is_no_complaint(tmp_path, code):
 @pytest.mark.parametrize(("closed", "printed"), [(">&-", ""), ("2>&-", "x\n")])
 def test_a_closed_output_is_no_complaint(tmp_path, closed, printed):
     work = "def work(): print('x'); print('y', file=sys.stderr)"
-    program = f"import sys\nfrom rmll_contract.command import run\n{work}\nrun('rmll-x', work)"
+    program = f"import sys\nfrom rmll_common.command_line import run\n{work}\nrun('rmll-x', work)"
     shell = ["sh", "-c", f'exec "$0" -c "$1" {closed}', sys.executable, program]
     ended = subprocess.run(shell, cwd=tmp_path, capture_output=True, text=True)
     assert (ended.returncode, ended.stdout) == (0, printed)
@@ -75,7 +77,7 @@ def test_ctrl_c_while_a_command_loads_its_libraries_is_no_traceback(tmp_path):
     heeding = "signal.signal(signal.SIGINT, signal.default_int_handler)"
     interrupt = f"import os, signal\n{heeding}\nos.kill(os.getpid(), signal.SIGINT)\n"
     (tmp_path / "slow.py").write_text(interrupt)
-    program = "from rmll_contract.entry import _start; _start('rmll-x', 'slow', 'x')"
+    program = "from rmll_common.entry_points import _start; _start('rmll-x', 'slow', 'x')"
     ended = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True
     )

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from rmll_contract.flag import within
+from rmll_common.errors import InputError
+from rmll_common.flag import within
 from rmll_eval import cli as evaluate
-from rmll_gaits.errors import InputError
 from rmll_hil import cli as hil
 from rmll_onboard import cli as onboard
-from rmll_view import gait
+from rmll_view import gait_cli
 
 TROT = str(Path(__file__).parents[2] / "policies" / "trot.onnx")
 WALK = ("run", "--policy", TROT, "--lockstep", "--out", "/nowhere/x")
 NUMBERS = [
-    (gait.main, ("check", "trot"), "frequency", (0, "nan", "inf", "1e9")),
-    (gait.main, ("show", "trot"), "frequency", (-1, "nan", "inf")),
+    (gait_cli.main, ("check", "trot"), "frequency", (0, "nan", "inf", "1e9")),
+    (gait_cli.main, ("show", "trot"), "frequency", (-1, "nan", "inf")),
     (onboard.main, ("--policy", TROT), "vx", ("nan", "inf", 1e9)),
     (onboard.main, ("--policy", TROT), "wz", ("nan", "-inf", 1e9)),
     (onboard.main, ("--policy", TROT), "frequency", (-1, "nan", "inf")),
@@ -31,12 +31,12 @@ NUMBERS = [
     (hil.main, ("serve", "--port", "0"), "seed", (-1,)),
     (hil.main, ("serve", "--port", "0"), "friction", ("nan", "inf", 0)),
     (hil.main, ("faults", "--policy", TROT), "jobs", (-1, 0, 10**6)),
-    *((evaluate.main, ("gait", TROT), name, (-1, 0, 10**9)) for name in ("repeats", "jobs")),
-    (evaluate.main, ("gait", TROT), "episodes", (-1, 0, 10**12)),
-    (evaluate.main, ("gait", TROT), "seconds", (-1, 0, "nan", "inf", 1e300)),
-    (evaluate.main, ("gait", TROT), "seed", (-1, 10**30)),
-    (evaluate.main, ("gait", TROT), "level", (-1, 10)),
-    *((evaluate.main, ("gait", TROT), name, ("nan", "inf", -9))
+    *((evaluate.main, ("gait_cli", TROT), name, (-1, 0, 10**9)) for name in ("repeats", "jobs")),
+    (evaluate.main, ("gait_cli", TROT), "episodes", (-1, 0, 10**12)),
+    (evaluate.main, ("gait_cli", TROT), "seconds", (-1, 0, "nan", "inf", 1e300)),
+    (evaluate.main, ("gait_cli", TROT), "seed", (-1, 10**30)),
+    (evaluate.main, ("gait_cli", TROT), "level", (-1, 10)),
+    *((evaluate.main, ("gait_cli", TROT), name, ("nan", "inf", -9))
       for name in ("speeds", "frequencies")),
 ]  # fmt: skip
 ONE_BY_ONE = [(main, words, name, str(value)) for main, words, name, values in NUMBERS

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rmll_common.errors import InputError
 from rmll_contract import observation
 from rmll_contract.mirror import Mirror, mirror_action, mirror_layout
-from rmll_gaits.errors import InputError
 from rmll_gaits.load import library_names, load_gait
 from rmll_gaits.symmetry import mirror_states
 from rmll_robots import A1

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from onnx import TensorProto, helper
 
+from rmll_common.errors import InputError
 from rmll_contract.onnx_file import graph_sha256, metadata
-from rmll_gaits.errors import InputError
 
 
 def model():

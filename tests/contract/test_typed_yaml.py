@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import Meta
 
-from rmll_contract import typed_yaml
-from rmll_gaits.errors import InputError
+from rmll_common import typed_yaml
+from rmll_common.errors import InputError
 
 
 class Leaf(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

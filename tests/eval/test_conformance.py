@@ -9,8 +9,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from rmll_common.errors import InputError
 from rmll_eval.conformance import conformance, walks
-from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait
 from rmll_gaits.pose import to_label
 from rmll_onboard.recording.flight_log import FlightLog

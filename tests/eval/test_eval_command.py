@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from rmll_common.errors import Failure, InputError
+from rmll_common.optional_import import needs
 from rmll_eval.conditions import Conditions
-from rmll_eval.extra import needs
-from rmll_eval.gait import gait
-from rmll_gaits.errors import Failure, InputError
+from rmll_eval.gait_command import gait
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 

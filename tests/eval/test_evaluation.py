@@ -7,22 +7,22 @@ import pytest
 
 from rmll_eval.conditions import Conditions
 from rmll_eval.evaluation import Evaluation
+from rmll_eval.evaluation_case import EvaluationCase
 from rmll_eval.picture import picture
 from rmll_eval.tables import show
-from rmll_eval.trial import Trial
-from rmll_eval.walk import ADHERENCE, ENERGY, VX_ERROR, Walk, fallen, mean, worst
+from rmll_eval.walk_metrics import ADHERENCE, ENERGY, VX_ERROR, WalkMetrics, fallen, mean, worst
 
 
-def walk(vx: float = 0.5, frequency: float = 6.0, **figures) -> Walk:
+def walk(vx: float = 0.5, frequency: float = 6.0, **figures) -> WalkMetrics:
     known = {
         "adherence": 1.0, "off_spec_contact": 0.0, "vx_error": 0.1, "wz_error": 0.1,
         "energy_per_metre": 50.0, "cost_of_transport": 0.4, "distance": 10.0, "falls": 0,
     }  # fmt: skip
-    return Walk(Trial(vx, 0.0, frequency, 0), **known | figures)
+    return WalkMetrics(EvaluationCase(vx, 0.0, frequency, 0), **known | figures)
 
 
 def evaluation(
-    *walks: Walk,
+    *walks: WalkMetrics,
     gait: str = "trot",
     conditions: Conditions = Conditions(),  # noqa: B008 - frozen
 ) -> Evaluation:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rmll_eval.policy import find
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
+from rmll_eval.evaluated_policy import find
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.control.controller import prove
 

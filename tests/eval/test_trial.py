@@ -1,7 +1,7 @@
 import pytest
 
-from rmll_eval.trial import draw, grid
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
+from rmll_eval.evaluation_case import draw, grid
 from rmll_gaits.table import Commands
 
 WALK = Commands(vx=(-0.5, 0.5), wz=(-0.4, 0.4), frequency=(5, 10))

@@ -9,17 +9,17 @@ import torch
 from onnxruntime import InferenceSession
 from tensordict import TensorDict
 
+from rmll_common.errors import InputError
 from rmll_eval import emulated, trained
 from rmll_eval.conditions import PUSH_INTERVAL, Conditions, pushes
-from rmll_eval.trial import Trial
-from rmll_export.checkpoint import read
+from rmll_eval.evaluation_case import EvaluationCase
+from rmll_export.checkpoint_reader import read
 from rmll_export.graph import build
-from rmll_gaits.errors import InputError
 from rmll_onboard.control.bundle import load_bundle
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 FLAT = Conditions()
-TRIALS = [Trial(0.5, 0.0, 8.0, seed) for seed in (0, 1)]
+TRIALS = [EvaluationCase(0.5, 0.0, 8.0, seed) for seed in (0, 1)]
 
 
 def test_the_number_of_jobs_changes_nothing() -> None:
@@ -33,7 +33,11 @@ def test_the_number_of_jobs_changes_nothing() -> None:
 
 
 def test_the_trainers_world_walks_each_trial_with_its_own_command() -> None:
-    trials = [Trial(0.8, 0.0, 8.0, 0), Trial(-0.8, 0.0, 12.0, 1), Trial(0.0, 0.0, 8.0, 2)]
+    trials = [
+        EvaluationCase(0.8, 0.0, 8.0, 0),
+        EvaluationCase(-0.8, 0.0, 12.0, 1),
+        EvaluationCase(0.0, 0.0, 8.0, 2),
+    ]
     forth, back, still = trained.walks(TROT, trials, 2.0, FLAT)
     assert [w.trial for w in (forth, back, still)] == trials
     assert min(forth.distance, back.distance) > 1.0 > still.distance

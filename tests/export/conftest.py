@@ -9,7 +9,7 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 from rmll_contract import contract as contracts
-from rmll_export.checkpoint import read
+from rmll_export.checkpoint_reader import read
 from rmll_gaits.load import load_gait
 
 SHIPPED = Path(__file__).parents[2] / "policies"

@@ -11,27 +11,27 @@ import yaml
 from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
 
-from rmll_export.bundle import export
-from rmll_export.checkpoint import read
+from rmll_common.errors import Failure, InputError
+from rmll_export.checkpoint_reader import read
+from rmll_export.export_bundle import export
 from rmll_gaits import pose
 from rmll_gaits.compile import compile_gait
-from rmll_gaits.errors import Failure, InputError
 from rmll_gaits.label import NUM_LABELS
 from rmll_gaits.spec import read_spec
 from rmll_gaits.table import MachineTable
-from rmll_hil import lockstep
-from rmll_hil.emulator import Emulator
-from rmll_hil.emulator import Settings as EmulatorSettings
+from rmll_hil.robot.emulator import Emulator
+from rmll_hil.robot.emulator import EmulatorSettings as EmulatorSettings
+from rmll_hil.runs import lockstep
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import Bundle, load_bundle
 from rmll_onboard.control.controller import prove
-from rmll_train.settings import Learner, Settings, World
+from rmll_train.train_settings import EnvSettings, LearnerSettings, TrainSettings
 from rmll_train.training import Run
 
-TINY = Settings(
-    world=World(envs=8),
-    learner=Learner(rollout=4, mini_batches=1, epochs=1, hidden=(16,), estimator_hidden=(8,),
-                    estimator_batches=1, bf16=False),
+TINY = TrainSettings(
+    world=EnvSettings(envs=8),
+    learner=LearnerSettings(rollout=4, mini_batches=1, epochs=1, hidden=(16,),
+                            estimator_hidden=(8,), estimator_batches=1, bf16=False),
 )  # fmt: skip
 
 

@@ -10,11 +10,11 @@ import onnx
 import pytest
 from safetensors.numpy import load_file, save_file
 
+from rmll_common.errors import Failure, InputError
 from rmll_contract import contract as contracts
-from rmll_export.bundle import export
 from rmll_export.card import MEASURED, card
-from rmll_export.checkpoint import read
-from rmll_gaits.errors import Failure, InputError
+from rmll_export.checkpoint_reader import read
+from rmll_export.export_bundle import export
 from rmll_gaits.load import library_names
 
 SHIPPED = Path(__file__).parents[2] / "policies"

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from rmll_common.errors import InputError
 from rmll_export.runs import SHOWN, choose
-from rmll_gaits.errors import InputError
 
 SHIPPED = Path(__file__).parents[2] / "policies"
 OWN = """

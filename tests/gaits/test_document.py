@@ -5,8 +5,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmll_gaits import document, scalar
-from rmll_gaits.errors import InputError
+from rmll_common import yaml_document, yaml_scalar
+from rmll_common.errors import InputError
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ from rmll_gaits.errors import InputError
     ],
 )  # fmt: skip
 def test_a_plain_scalar_is_what_yaml_1_2_reads(text, value):
-    found = scalar.read(text)
+    found = yaml_scalar.read(text)
     assert (found, type(found)) == (value, type(value))
 
 
@@ -48,7 +48,7 @@ def test_a_plain_scalar_is_what_yaml_1_2_reads(text, value):
 )
 def test_a_number_that_is_read_in_two_ways_is_refused_with_what_to_write(text, advice):
     with pytest.raises(ValueError, match=r"^found ") as refused:
-        scalar.read(text)
+        yaml_scalar.read(text)
     assert advice in str(refused.value)
 
 
@@ -66,7 +66,7 @@ def yaml_1_1(text: str) -> object:
 def test_no_number_is_read_in_silence_as_another_one(text):
     """Where PyYAML, which has YAML 1.1, finds a number, we find the same or refuse it."""
     try:
-        ours, theirs = scalar.read(text), yaml_1_1(text)
+        ours, theirs = yaml_scalar.read(text), yaml_1_1(text)
     except ValueError:
         return
     if isinstance(theirs, int | float):
@@ -107,7 +107,7 @@ def differs_between_versions(value) -> bool:
     if isinstance(value, list):
         return any(map(differs_between_versions, value))
     try:
-        return isinstance(value, str) and not isinstance(scalar.read(value), str)
+        return isinstance(value, str) and not isinstance(yaml_scalar.read(value), str)
     except ValueError:
         return True
 
@@ -115,7 +115,7 @@ def differs_between_versions(value) -> bool:
 @given(plain_values.filter(lambda value: not differs_between_versions(value)))
 def test_what_stock_yaml_writes_is_read_back(plain):
     text = yaml.dump(plain, Dumper=Unaliased)
-    assert is_the_same(document.read(text, "x.yaml").plain(), plain)
+    assert is_the_same(yaml_document.read(text, "x.yaml").plain(), plain)
 
 
 class Unaliased(yaml.SafeDumper):
@@ -142,7 +142,7 @@ class Unaliased(yaml.SafeDumper):
 )
 def test_what_a_file_cannot_say(text, complaint):
     with pytest.raises(InputError) as refused:
-        document.read(text, "x.yaml").plain()
+        yaml_document.read(text, "x.yaml").plain()
     assert complaint in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -156,10 +156,10 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
         (tmp_path / "none.yaml", "cannot be read: No such file"),
     ):
         with pytest.raises(InputError, match=complaint) as refused:
-            document.read_text(bad)
+            yaml_document.read_text(bad)
         assert str(refused.value).startswith(f"{bad}: ")
     path.write_bytes("\ufeffa: ü\r\n".encode())
-    assert document.read(document.read_text(path), "x.yaml").plain() == {"a": "ü"}
+    assert yaml_document.read(yaml_document.read_text(path), "x.yaml").plain() == {"a": "ü"}
 
 
 @pytest.mark.fuzz
@@ -167,7 +167,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
        .map("".join))  # fmt: skip
 def test_any_text_is_read_or_refused_in_one_line(text):
     try:
-        document.read(text, "x.yaml").plain()
+        yaml_document.read(text, "x.yaml").plain()
     except InputError as error:
         assert "\n" not in str(error)
         assert str(error).startswith("x.yaml:")

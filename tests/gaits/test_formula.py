@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_gaits.formula import MAX_LENGTH, FormulaError, parse
 from rmll_gaits.label import FEET
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_gaits.label import hysteresis, label
 from rmll_gaits.load import library_names, load_gait
 from rmll_gaits.machine import Machine, explained, step

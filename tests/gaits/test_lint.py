@@ -1,7 +1,7 @@
 import pytest
 
+from rmll_common.errors import InputError
 from rmll_gaits.compile import compile_gait
-from rmll_gaits.errors import InputError
 from rmll_gaits.lint import lint
 from rmll_gaits.load import library_names, load_spec
 from rmll_gaits.spec import read_spec

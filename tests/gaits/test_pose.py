@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rmll_common.errors import InputError
 from rmll_gaits import pose
-from rmll_gaits.errors import InputError
 from rmll_gaits.formula import parse
 
 labels = st.integers(0, 15)

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import torch
 
+from rmll_common.errors import InputError
 from rmll_gaits.compile import compile_gait
-from rmll_gaits.errors import InputError
 from rmll_gaits.load import library_names, load_gait
 from rmll_gaits.machine import Machine, step
 from rmll_gaits.pose import to_text

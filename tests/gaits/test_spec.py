@@ -3,9 +3,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rmll_common.errors import InputError
+from rmll_common.yaml_document import MAX_CHARACTERS
 from rmll_gaits.compile import compile_gait
-from rmll_gaits.document import MAX_CHARACTERS
-from rmll_gaits.errors import InputError
 from rmll_gaits.spec import read_spec
 
 HEAD = "gait: g\ncommands: {vx: [-1, 1], wz: [-1, 1], frequency: [6, 12]}\n"

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_gaits.load import load_gait
 from rmll_gaits.table import MachineTable
 

@@ -15,7 +15,7 @@ from rmll_contract import observation
 from rmll_contract.contract import Labels, Trace
 from rmll_contract.onnx_file import graph_sha256
 from rmll_gaits.load import load_gait
-from rmll_hil.empty_loop import EmptyLoop
+from rmll_hil.faults.empty_loop import EmptyLoop
 from rmll_robots import A1
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmll_hil.can_robot import CanRobot
+from rmll_hil.robot.can_robot import CanRobot
 from rmll_onboard.control.leg_force import LegForce
 from rmll_onboard.interface.can_interface import CanInterface
 from rmll_onboard.protocol.can_frame import Frame, pack, unpack

@@ -8,7 +8,7 @@ from pathlib import Path
 import can
 import pytest
 
-from rmll_hil.serve_can import on_free_ports
+from rmll_hil.robot.serve_can import on_free_ports
 from rmll_onboard.settings.can_settings import Can
 
 PATIENT = """

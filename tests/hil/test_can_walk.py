@@ -8,11 +8,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from rmll_hil import lockstep
-from rmll_hil.can_robot import CanRobot
-from rmll_hil.emulator import Emulator, Settings
-from rmll_hil.metrics import summary
-from rmll_hil.outcome import Outcome
+from rmll_hil.robot.can_robot import CanRobot
+from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.runs import lockstep
+from rmll_hil.runs.metrics import summary
+from rmll_hil.runs.outcome import Outcome
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.interface.can_interface import CanInterface
@@ -21,9 +21,7 @@ from rmll_onboard.interface.can_transport import CanTransport
 from rmll_onboard.protocol.can_frame import pack, unpack
 from rmll_onboard.settings.can_settings import Bus, Can
 from rmll_onboard.settings.runtime_settings import LinkSettings
-from rmll_onboard.settings.runtime_settings import (
-    RuntimeSettings as DaemonSettings,
-)
+from rmll_onboard.settings.runtime_settings import RuntimeSettings as DaemonSettings
 from rmll_robots import A1
 
 ROOT = Path(__file__).parents[2]
@@ -39,7 +37,7 @@ def virtual(can: Can) -> Can:
 class OnBuses(Emulator):
     """Every frame between daemon and robot goes over a bus."""
 
-    def __init__(self, can: Can, settings: Settings) -> None:
+    def __init__(self, can: Can, settings: EmulatorSettings) -> None:
         self.actuators = CanRobot(can, A1)
         super().__init__(settings, wire=self.actuators)
         layout = Layout(can, A1)
@@ -74,7 +72,7 @@ def can() -> Can:
 
 @pytest.fixture
 def emulator(can: Can) -> Iterator[OnBuses]:
-    emulator = OnBuses(can, Settings(seed=1))
+    emulator = OnBuses(can, EmulatorSettings(seed=1))
     yield emulator
     emulator.close()
 

@@ -3,10 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rmll_gaits.errors import Failure, InputError
-from rmll_hil import emulator as emulator_module
-from rmll_hil.emulator import TRUTH_MS, Emulator, Settings
-from rmll_hil.sensors import QUIET
+from rmll_common.errors import Failure, InputError
+from rmll_hil.robot import emulator as emulator_module
+from rmll_hil.robot.emulator import TRUTH_MS, Emulator, EmulatorSettings
+from rmll_hil.robot.sensors import QUIET
 from rmll_onboard.protocol.a1_packets import decode_state, encode_command
 from rmll_onboard.state.robot_state import MODE_BRAKE, MODE_SERVO, MotorCommand
 from rmll_robots import A1
@@ -62,7 +62,7 @@ def test_stands_up_from_lying() -> None:
 
 
 def test_a_silent_commander_lets_the_robot_sink_down_damped() -> None:
-    emulator = Emulator(Settings(command_timeout_ms=50))
+    emulator = Emulator(EmulatorSettings(command_timeout_ms=50))
     stand_up(emulator)
     emulator.advance(51 + TICK_MS, 0)
     assert (decode_state(emulator.state_datagram()).mode == MODE_BRAKE).all()
@@ -84,7 +84,9 @@ def test_bad_datagrams_are_dropped_and_counted() -> None:
 
 
 def test_the_same_seed_gives_the_same_datagrams() -> None:
-    first, again, other = (stand_up(Emulator(Settings(seed=seed)), ticks=100) for seed in (3, 3, 4))
+    first, again, other = (
+        stand_up(Emulator(EmulatorSettings(seed=seed)), ticks=100) for seed in (3, 3, 4)
+    )
     assert first == again
     assert first != other
 
@@ -115,7 +117,7 @@ def test_truth_of_a_moved_robot() -> None:
 )
 def test_impossible_settings_are_refused(flag: dict, complaint: str) -> None:
     with pytest.raises(InputError, match=f"^{complaint}$"):
-        Emulator(Settings(**flag))
+        Emulator(EmulatorSettings(**flag))
 
 
 def test_energy_adds_up_torque_times_speed() -> None:
@@ -146,7 +148,7 @@ def test_the_second_robot_lies_as_the_first_one_did(monkeypatch: pytest.MonkeyPa
     """It begins with a copy of the first one's rest."""
     monkeypatch.setattr(emulator_module, "_AT_REST", {})
     first, second = Emulator(), Emulator()
-    other = Emulator(Settings(friction=0.3))
+    other = Emulator(EmulatorSettings(friction=0.3))
     assert len(emulator_module._AT_REST) == 2
     for _ in range(100):
         assert first.state_datagram() == second.state_datagram()

@@ -8,23 +8,23 @@ from pathlib import Path
 
 import pytest
 
-from rmll_gaits.errors import Failure, InputError
-from rmll_hil import fault_command, fault_realtime, fault_trial, fault_virtual
-from rmll_hil.empty_loop import EmptyLoop
-from rmll_hil.fault_rows import ROWS, Reaction, Row
-from rmll_hil.fault_table import Result, markdown, provoke, provoke_once
-from rmll_hil.fault_trial import Trial
+from rmll_common.errors import Failure, InputError
+from rmll_hil.faults import fault_command, fault_realtime, fault_trial, fault_virtual
+from rmll_hil.faults.empty_loop import EmptyLoop
+from rmll_hil.faults.fault_rows import ROWS, FaultRow, Reaction
+from rmll_hil.faults.fault_table import FaultResult, markdown, provoke, provoke_once
+from rmll_hil.faults.fault_trial import FaultTrial
 from rmll_onboard.runtime import loop
 from rmll_robots import A1
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 
 
-def row(name: str, **changes: object) -> Row:
+def row(name: str, **changes: object) -> FaultRow:
     return dataclasses.replace(next(row for row in ROWS if row.name == name), **changes)
 
 
-def once(row: Row, realtime: bool = False) -> Result:
+def once(row: FaultRow, realtime: bool = False) -> FaultResult:
     return provoke_once(row, 0, TROT, A1, realtime)
 
 
@@ -47,7 +47,7 @@ def test_nothing_depends_on_the_machine() -> None:
 
 @pytest.mark.parametrize("name", ["flipped_imu", "silent_board", "joint_speed"])
 def test_a_damped_robot_sinks_down(name: str) -> None:
-    trial = Trial(row(name), A1, 0)
+    trial = FaultTrial(row(name), A1, 0)
     fault_virtual.run(row(name), trial, TROT)
     trial.advance(2000, 0)
     assert trial.truth()["position"][-1, 2] < 0.2
@@ -66,7 +66,7 @@ def test_the_fault_waits_until_the_robot_has_walked(monkeypatch: pytest.MonkeyPa
     for module in (fault_trial, fault_virtual):
         monkeypatch.setattr(module, "MOTION", slow)
     stop = row("emergency_stop")
-    trial = Trial(stop, A1, 0)
+    trial = FaultTrial(stop, A1, 0)
     reaction, after_ms, told = fault_virtual.run(stop, trial, TROT)
     assert trial.begin_ms is not None and trial.begin_ms > 3500
     assert (reaction, told) == (Reaction.DAMPS, "emergency stop on the remote")
@@ -115,14 +115,18 @@ def test_an_empty_loop_notices_what_keeps_it_from_running() -> None:
 
 
 def test_another_reaction_or_other_words_are_not_as_expected() -> None:
-    fine = Result(row("flipped_imu"), Reaction.DAMPS, 4, "tilted: roll 3.10 rad, pitch 0.00 rad")
+    fine = FaultResult(
+        row("flipped_imu"), Reaction.DAMPS, 4, "tilted: roll 3.10 rad, pitch 0.00 rad"
+    )
     assert fine.as_expected
     assert not dataclasses.replace(fine, reaction=Reaction.WALKS).as_expected
     assert not dataclasses.replace(fine, told="no state from the robot").as_expected
 
 
 def test_the_page_tells_how_often_it_was_as_it_should() -> None:
-    fine = Result(row("flipped_imu"), Reaction.DAMPS, 4, "tilted: roll 3.10 rad, pitch 0.00 rad")
+    fine = FaultResult(
+        row("flipped_imu"), Reaction.DAMPS, 4, "tilted: roll 3.10 rad, pitch 0.00 rad"
+    )
     late = dataclasses.replace(fine, milliseconds=6)
     wrong = dataclasses.replace(fine, told="no state from the robot")
     page = markdown([[fine, late]], TROT, realtime=False)
@@ -145,7 +149,7 @@ def test_the_command_fails_unless_all_is_as_expected(
     reactions: tuple[Reaction, ...], words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     killed = row("killed", reaction=Reaction.DAMPS)
-    results = [Result(killed, reaction, None, "") for reaction in reactions]
+    results = [FaultResult(killed, reaction, None, "") for reaction in reactions]
     monkeypatch.setattr(fault_command, "provoke", lambda *_: iter([results]))
     with pytest.raises(Failure, match=words):
         fault_command.faults(TROT, ("killed",), False, 2, 1, None, False)

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rmll_gaits.errors import InputError
-from rmll_hil.emulator import Emulator
-from rmll_hil.fault_rows import ROWS
-from rmll_hil.faults import KINDS, Network, Push, load_plan, parse_plan
-from rmll_hil.network import Way
-from rmll_hil.sensors import QUIET
+from rmll_common.errors import InputError
+from rmll_hil.faults.fault_plan import KINDS, Network, Push, load_plan, parse_plan
+from rmll_hil.faults.fault_rows import ROWS
+from rmll_hil.robot.emulator import Emulator
+from rmll_hil.robot.lossy_channel import LossyChannel
+from rmll_hil.robot.sensors import QUIET
 from rmll_onboard.protocol import a1_remote
 from rmll_onboard.protocol.a1_packets import check_state, decode_state, encode_command
 from rmll_onboard.protocol.a1_remote import Button
@@ -95,7 +95,7 @@ def test_the_rows_of_the_table_are_plans() -> None:
 
 def through(count: int = 4000, seed: int = 0, **network: float) -> list[tuple[int, bytes]]:
     """What comes out of a way into which a numbered datagram goes every 2 ms, and when."""
-    way = Way((Network(**network),), "from_robot", np.random.default_rng(seed))
+    way = LossyChannel((Network(**network),), "from_robot", np.random.default_rng(seed))
     came = []
     for number in range(count):
         way.send(number.to_bytes(100, "big"), 2 * number)

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rmll_hil import feet_table, lockstep, metrics, sensors
-from rmll_hil.emulator import Emulator, Settings
-from rmll_hil.feet_table import CASES, TOLERANCE, Case
-from rmll_hil.outcome import Outcome
-from rmll_hil.sensors import FootUnits, Noise
+from rmll_hil.robot import sensors
+from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.robot.sensors import FootUnits, Noise
+from rmll_hil.runs import feet_table, lockstep, metrics
+from rmll_hil.runs.feet_table import CASES, TOLERANCE, Case
+from rmll_hil.runs.outcome import Outcome
 from rmll_onboard.commands.operator import FlagOperator, OperatorCommand
 from rmll_onboard.control.bundle import Bundle, load_bundle
 from rmll_onboard.control.contact_estimator import ContactEstimator
@@ -34,7 +35,7 @@ class Feet(Emulator):
         units: FootUnits = USUAL,
         noise: Noise | None = None,
     ) -> None:
-        super().__init__(Settings(seed=1), noise, A1, feet=units)
+        super().__init__(EmulatorSettings(seed=1), noise, A1, feet=units)
         self._change = change
 
     def _measure(self) -> RobotState:
@@ -70,7 +71,7 @@ def test_a_hurried_trot_is_told_in_time_which_feet_are_in_the_air() -> None:
 def test_the_units_size_decides_nothing(gain, monkeypatch) -> None:
     """As tests outside this project set it."""
     monkeypatch.setattr(sensors, "FOOT_GAIN", gain)
-    holds(walk(Emulator(Settings(seed=1))), 0.96)
+    holds(walk(Emulator(EmulatorSettings(seed=1))), 0.96)
 
 
 UNITS = {

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from rmll_hil.fault_rows import ROWS, Reaction
+from rmll_hil.faults.fault_rows import ROWS, Reaction
 from rmll_hil.golden import FAULT_PREFIX, FAULTS, FOLDER
-from rmll_hil.replay import find_bundle, replay
+from rmll_hil.replay.replay import find_bundle, replay
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.protocol.a1_packets import decode_command
 from rmll_onboard.recording.flight_log import FlightLog

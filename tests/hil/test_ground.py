@@ -12,26 +12,26 @@ import numpy as np
 import pytest
 import torch
 
-from rmll_gaits.errors import InputError
-from rmll_hil import lockstep
-from rmll_hil.emulator import TRUTH_MS, Emulator, Settings
-from rmll_hil.metrics import summary
-from rmll_hil.world import push
+from rmll_common.errors import InputError
+from rmll_hil.robot.emulator import TRUTH_MS, Emulator, EmulatorSettings
+from rmll_hil.robot.world import push
+from rmll_hil.runs import lockstep
+from rmll_hil.runs.metrics import summary
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.protocol.a1_packets import encode_command
 from rmll_onboard.state.robot_state import MotorCommand
 from rmll_robots import A1
-from rmll_robots.ground import Field, Kind, course, lay
-from rmll_train import terrain
-from rmll_train.simulation import PHYSICS_STEP
+from rmll_robots.ground import HeightField, Kind, course, lay
+from rmll_train.env import terrain
+from rmll_train.env.simulation import PHYSICS_STEP
 
 KINDS = get_args(Kind)
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 
 
 def emulator(ground: Kind, level: int = 2, seed: int = 0) -> Emulator:
-    return Emulator(Settings(seed=seed, ground=ground, level=level))
+    return Emulator(EmulatorSettings(seed=seed, ground=ground, level=level))
 
 
 def height(robot: Emulator, x: float, y: float) -> float:
@@ -85,7 +85,7 @@ def test_a_foot_that_lands_hard_is_not_caught_inside_the_ground(timestep: float)
     foot = spec.worldbody.add_body()
     foot.add_freejoint()
     foot.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[A1.foot_radius, 0, 0], mass=3.0)
-    lay(spec, Field(np.zeros((40, 40), np.float32), np.zeros((1, 1, 2), np.float32)))
+    lay(spec, HeightField(np.zeros((40, 40), np.float32), np.zeros((1, 1, 2), np.float32)))
     model = spec.compile()
     for _ in range(100):
         data = mujoco.MjData(model)

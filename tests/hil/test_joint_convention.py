@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from rmll_hil.emulator import Emulator
+from rmll_hil.robot.emulator import Emulator
 from rmll_onboard.protocol.a1_packets import encode_command
 from rmll_onboard.state.robot_state import MODE_SERVO, MotorCommand
 from rmll_robots import A1

@@ -2,10 +2,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rmll_hil import lockstep
-from rmll_hil.emulator import Emulator, Settings
-from rmll_hil.metrics import summary
-from rmll_hil.outcome import Outcome
+from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.runs import lockstep
+from rmll_hil.runs.metrics import summary
+from rmll_hil.runs.outcome import Outcome
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.settings import runtime_settings as onboard
@@ -19,7 +19,7 @@ PATIENT = onboard.RuntimeSettings(safety=Safety(stuck=100))
 def stand(bundle: Path, seed: int = 0) -> Outcome:
     loaded = load_bundle(bundle)
     pilot = FlagOperator(loaded.table.commands, seconds=1.0)
-    emulator = Emulator(Settings(seed=seed))
+    emulator = Emulator(EmulatorSettings(seed=seed))
     return lockstep.walk(emulator, loaded, pilot, lambda _: None, settings=PATIENT)
 
 

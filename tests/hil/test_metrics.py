@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rmll_hil.emulator import TRUTH
-from rmll_hil.metrics import summary
-from rmll_hil.outcome import Outcome
+from rmll_hil.robot.emulator import TRUTH
+from rmll_hil.runs.metrics import summary
+from rmll_hil.runs.outcome import Outcome
 from rmll_robots import A1
 
 SECOND = 1_000_000_000

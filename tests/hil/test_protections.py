@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rmll_hil import lockstep, metrics
-from rmll_hil.emulator import Emulator, Settings
-from rmll_hil.fault_trial import MOTION
-from rmll_hil.faults import parse_plan
+from rmll_hil.faults.fault_plan import parse_plan
+from rmll_hil.faults.fault_trial import MOTION
+from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.runs import lockstep, metrics
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import Bundle, load_bundle
 from rmll_onboard.interface.transport import UdpTransport
@@ -38,7 +38,7 @@ def steady(
     """The figures of a trot over a bad network."""
     plan = parse_plan([{"fault": "network", **network}], A1)
     pilot = FlagOperator(bundle.table.commands, 0.5, seconds=seconds)
-    emulator = Emulator(Settings(seed=seed), plan=plan)
+    emulator = Emulator(EmulatorSettings(seed=seed), plan=plan)
     outcome = lockstep.walk(emulator, bundle, pilot, lambda _: None)
     return metrics.summary(outcome, "trot", A1)
 

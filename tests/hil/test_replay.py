@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 import yaml
 
-from rmll_gaits.errors import InputError
-from rmll_hil import lockstep
-from rmll_hil.can_robot import CanRobot
-from rmll_hil.emulator import Emulator
-from rmll_hil.replay import differences, find_bundle, replay
+from rmll_common.errors import InputError
+from rmll_hil.replay.replay import differences, find_bundle, replay
+from rmll_hil.robot.can_robot import CanRobot
+from rmll_hil.robot.emulator import Emulator
+from rmll_hil.runs import lockstep
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.protocol.a1_packets import decode_command, encode_command
@@ -28,12 +28,7 @@ from rmll_onboard.recording.mcap_writer import log_file
 from rmll_onboard.recording.telemetry import Tick
 from rmll_onboard.runtime.daemon import Daemon
 from rmll_onboard.runtime.tick_listener import TickListener
-from rmll_onboard.settings.runtime_settings import (
-    LinkSettings,
-    Motion,
-    RuntimeSettings,
-    Safety,
-)
+from rmll_onboard.settings.runtime_settings import LinkSettings, Motion, RuntimeSettings, Safety
 from rmll_onboard.state.robot_state import MotorCommand
 from rmll_robots import A1
 

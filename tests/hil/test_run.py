@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rmll_gaits.errors import InputError
-from rmll_hil import realtime
-from rmll_hil.emulator import Settings
+from rmll_common.errors import InputError
+from rmll_hil.robot.emulator import EmulatorSettings
+from rmll_hil.runs import realtime_run
 from rmll_onboard.recording.flight_log import FlightLog
 from rmll_onboard.settings.runtime_settings import Motion
 
@@ -162,7 +162,9 @@ def test_wrong_input_is_one_line(
 
 def test_what_ails_the_daemon_is_passed_on(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^none\.onnx: No such file"):
-        realtime.walk(["--policy", "none.onnx"], Settings(), tmp_path / "run.mcap", lambda _: None)
+        realtime_run.walk(
+            ["--policy", "none.onnx"], EmulatorSettings(), tmp_path / "run.mcap", lambda _: None
+        )
 
 
 def test_an_interrupted_run_leaves_nothing_behind(standing: Path, tmp_path: Path) -> None:
@@ -196,7 +198,7 @@ def test_a_machine_that_is_too_busy_is_told(standing: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize(("missed", "lost", "busy"), [(0, 3, False), (2, 9, True), (20, 0, True)])
 def test_a_run_that_kept_time_has_its_own_faults(missed: int, lost: int, busy: bool) -> None:
     report = {"timekeeping": {"missed": missed}, "packets": {"sent": 500, "lost": lost}}
-    assert (realtime.too_busy(report) is not None) == busy
+    assert (realtime_run.too_busy(report) is not None) == busy
 
 
 def test_the_figures_are_those_of_the_table_beside_them(tmp_path: Path) -> None:

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rmll_hil import lockstep
-from rmll_hil.can_robot import CanRobot
-from rmll_hil.emulator import Emulator
-from rmll_hil.faults import parse_plan
-from rmll_hil.outcome import Outcome
+from rmll_hil.faults.fault_plan import parse_plan
+from rmll_hil.robot.can_robot import CanRobot
+from rmll_hil.robot.emulator import Emulator
+from rmll_hil.runs import lockstep
+from rmll_hil.runs.outcome import Outcome
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.settings.runtime_settings import Motion, RuntimeSettings

@@ -3,8 +3,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from rmll_hil.sensors import FOOT_BIAS, FOOT_GAIN, QUIET, FootUnits, Noise, Sensors, roll_pitch_yaw
-from rmll_hil.world import load
+from rmll_hil.robot.sensors import (
+    FOOT_BIAS,
+    FOOT_GAIN,
+    QUIET,
+    FootUnits,
+    Noise,
+    Sensors,
+    roll_pitch_yaw,
+)
+from rmll_hil.robot.world import load
 from rmll_robots import A1
 
 MODE = np.zeros(12, np.uint8)

@@ -14,8 +14,8 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from rmll_gaits.table import MachineTable
-from rmll_hil import lockstep
-from rmll_hil.emulator import Emulator, Settings
+from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.runs import lockstep
 from rmll_onboard.commands.operator import FlagOperator, OperatorCommand
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.control.controller import Controller, PolicyInput
@@ -130,7 +130,7 @@ def end(gait: str, seed: int, numb: bool = True, request: Request | None = None)
     bundle = load_bundle(POLICIES / f"{gait}.onnx")
     commands = bundle.table.commands
     moment, frequency = float(rng.uniform(1.2, 2.5)), float(rng.choice(commands.whole_frequencies))
-    emulator = Emulator(Settings(seed=seed))
+    emulator = Emulator(EmulatorSettings(seed=seed))
     pilot = _Ending(FlagOperator(commands, SPEED, 0.0, frequency), moment, request)
     told = NUMB[seed % len(NUMB)] if numb else None
     with _controller(told, after=int(moment * bundle.contract.policy_hz)):

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from rmll_hil import lockstep, sweep
-from rmll_hil.emulator import Emulator, Settings
-from rmll_hil.outcome import column
+from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.runs import lockstep, sweep
+from rmll_hil.runs.outcome import column
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.settings import runtime_settings as onboard
@@ -19,7 +19,7 @@ def test_the_trot_follows_c_f_from_12_to_6_and_back(tmp_path: Path) -> None:
     bundle = load_bundle(TROT)
     values, seconds = (12.0, 6.0, 12.0), 12.0
     pilot = FlagOperator(bundle.table.commands, 0.5, 0.0, values, seconds)
-    outcome = lockstep.walk(Emulator(Settings(seed=2)), bundle, pilot, lambda _: None)
+    outcome = lockstep.walk(Emulator(EmulatorSettings(seed=2)), bundle, pilot, lambda _: None)
     assert outcome.report["fault"] is None
     found = sweep.phases(outcome, bundle.table, values, seconds)
     assert [phase["frequency"] for phase in found] == list(values)

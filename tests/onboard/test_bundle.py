@@ -8,9 +8,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from onnx import helper
 
+from rmll_common.errors import InputError
 from rmll_contract.contract import KEY
 from rmll_contract.observation import Field
-from rmll_gaits.errors import InputError
 from rmll_onboard.control import bundle as bundles
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.control.controller import prove

@@ -9,7 +9,7 @@ import time
 import can
 import pytest
 
-from rmll_gaits.errors import Failure
+from rmll_common.errors import Failure
 from rmll_onboard.interface.can_transport import CanTransport
 from rmll_onboard.protocol.can_frame import Frame, pack, unpack
 from rmll_onboard.settings.can_settings import Bus

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from rmll_gaits.errors import Failure
+from rmll_common.errors import Failure
 from rmll_gaits.load import load_gait
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.interface.can_layout import Layout

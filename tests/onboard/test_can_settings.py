@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_onboard.interface.can_layout import Layout
 from rmll_onboard.settings.can_settings import Actuator, Bus, Can, Imu, Model
 from rmll_onboard.settings.runtime_settings import load_settings

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmll_gaits.errors import Failure, InputError
+from rmll_common.errors import Failure, InputError
 from rmll_onboard.commands.command_socket import LONGEST, SocketCommand, SocketOperator, decode
 from rmll_onboard.commands.operator import OperatorCommand
 from rmll_onboard.protocol.a1_remote import Remote

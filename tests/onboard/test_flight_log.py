@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_onboard.recording import mcap_reader
 from rmll_onboard.recording.flight_log import FlightLog
 from rmll_onboard.recording.log_metadata import describe

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from rmll_gaits.errors import Failure
+from rmll_common.errors import Failure
 from rmll_gaits.table import Commands
 from rmll_onboard.commands.gamepad import (
     ABS,

@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from rmll_gaits.errors import Failure, InputError
+from rmll_common.errors import Failure, InputError
 from rmll_onboard.interface.transport import UdpTransport
 
 

@@ -7,7 +7,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_onboard.settings.can_settings import Bus, Can
 from rmll_onboard.settings.runtime_settings import (
     LinkSettings,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_gaits.table import Commands
 from rmll_onboard.commands.operator import FlagOperator, RemoteOperator
 from rmll_onboard.protocol.a1_remote import Button, Remote

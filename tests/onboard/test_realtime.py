@@ -16,7 +16,7 @@ _CAPBSET_DROP, _IPC_LOCK, _SYS_NICE = 24, 14, 23
 ENTER = """
 import os
 from pathlib import Path
-from rmll_gaits.errors import Failure
+from rmll_common.errors import Failure
 from rmll_onboard import realtime
 from rmll_onboard.settings.runtime_settings import Realtime
 try:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rmll_gaits.errors import Failure, InputError
+from rmll_common.errors import Failure, InputError
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.recording import recorder as recorders
 from rmll_onboard.recording.flight_log import FlightLog

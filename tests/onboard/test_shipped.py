@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_onboard.control import shipped_policies
 from rmll_onboard.control.shipped_policies import find_policy
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from rmll_gaits.adherence import GaitProgress
 from rmll_gaits.label import label
 from rmll_gaits.load import library_names, load_gait
-from rmll_gaits.progress import Progress
 from rmll_gaits.schedule import main_cycle, schedule
 from rmll_onboard.commands.operator import OperatorCommand
 from rmll_onboard.safety.stop_sequence import StopSequence
@@ -103,7 +103,7 @@ def test_without_a_walk_all_wishes_pass_and_a_stop_is_forgotten(at):
 @pytest.mark.parametrize("frequency", [5.0, 6.5, 12.0])
 def test_its_poses_lead_the_automaton_round_at_the_pace_of_c_f(gait, frequency):
     table = load_gait(gait)
-    stop, progress = StopSequence(table, 1.0), Progress(table)
+    stop, progress = StopSequence(table, 1.0), GaitProgress(table)
     cycle = {phase.state for phase in main_cycle(table)}
     plan = schedule(table, frequency)
     made = 0

@@ -2,10 +2,10 @@
 
 import pytest
 
-from rmll_train import evaluation
+from rmll_train import periodic_evaluation
 
 
 @pytest.fixture(autouse=True)
 def quick_judge(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(evaluation, "ROBOTS", 8)
-    monkeypatch.setattr(evaluation, "SECONDS", 1.0)
+    monkeypatch.setattr(periodic_evaluation, "ROBOTS", 8)
+    monkeypatch.setattr(periodic_evaluation, "SECONDS", 1.0)

@@ -12,27 +12,27 @@ from rmll_gaits.load import load_gait
 from rmll_gaits.machine import Machine
 from rmll_gaits.table import Commands
 from rmll_robots import A1
-from rmll_train import ending, reward
-from rmll_train.environment import GaitEnv
+from rmll_train.env import reward, terminations
+from rmll_train.env.environment import GaitEnv
+from rmll_train.env.simulation import Simulation
 from rmll_train.golden_trace import ALIKE
-from rmll_train.settings import (
-    Ground,
-    Noise,
+from rmll_train.train_settings import (
+    EnvSettings,
+    GroundSettings,
+    ObservationNoise,
     Randomisation,
     Rewards,
-    Settings,
     Terminations,
-    World,
+    TrainSettings,
     paper,
 )
-from rmll_train.simulation import Simulation
 
 ENVS = 16
 FINE = reward.FineWidths.of(load_gait("trot").commands, Rewards())
 
 
 def make(gait: str = "trot", seed: int = 0, **world) -> GaitEnv:
-    return GaitEnv(load_gait(gait), A1, World(envs=ENVS, **world), seed)
+    return GaitEnv(load_gait(gait), A1, EnvSettings(envs=ENVS, **world), seed)
 
 
 def random_actions(env: GaitEnv, seed: int) -> torch.Tensor:
@@ -40,10 +40,10 @@ def random_actions(env: GaitEnv, seed: int) -> torch.Tensor:
     return torch.randn(env.num_envs, env.num_actions, generator=generator)
 
 
-def still(command: torch.Tensor) -> reward.Motion:
+def still(command: torch.Tensor) -> reward.BaseMotion:
     """Of robots that do not act and land no foot, under ``command`` (ENVS, 3)."""
     nothing = torch.zeros(ENVS, 12)
-    return reward.Motion(command, nothing, nothing, nothing, torch.zeros(ENVS, 4))
+    return reward.BaseMotion(command, nothing, nothing, nothing, torch.zeros(ENVS, 4))
 
 
 @pytest.mark.parametrize("gait, states", [("trot", 2), ("walk", 4), ("half_bound", 5)])
@@ -106,8 +106,8 @@ def test_the_automaton_agrees_with_a_numpy_replay_of_its_labels() -> None:
 
 def test_a_transition_earns_the_bonus_on_its_own_step() -> None:
     table, plain_rewards = load_gait("trot"), Rewards(bonus_on="step", bonus=1.0)
-    env = GaitEnv(table, A1, World(envs=64, rewards=replace(plain_rewards, bonus=1000.0)), 0)
-    plain = GaitEnv(table, A1, World(envs=64, rewards=plain_rewards), 0)
+    env = GaitEnv(table, A1, EnvSettings(envs=64, rewards=replace(plain_rewards, bonus=1000.0)), 0)
+    plain = GaitEnv(table, A1, EnvSettings(envs=64, rewards=plain_rewards), 0)
     seen = 0
     for count in range(200):
         action = random_actions(env, count)
@@ -136,8 +136,8 @@ def test_a_late_transition_earns_less_but_never_nothing() -> None:
 
 def test_a_transitions_bonus_is_multiplied_by_its_promptness() -> None:
     table = load_gait("trot")
-    prompt = GaitEnv(table, A1, World(envs=64), 0)
-    plain = GaitEnv(table, A1, World(envs=64, rewards=Rewards(promptness=0.0)), 0)
+    prompt = GaitEnv(table, A1, EnvSettings(envs=64), 0)
+    plain = GaitEnv(table, A1, EnvSettings(envs=64, rewards=Rewards(promptness=0.0)), 0)
     late = 0
     for count in range(200):
         action = random_actions(prompt, count)
@@ -160,7 +160,7 @@ def test_rewards_are_never_negative(form: str) -> None:
 
 
 def test_episodes_begin_in_any_state_but_the_sink() -> None:
-    env = GaitEnv(load_gait("half_bound"), A1, World(envs=64), 0)
+    env = GaitEnv(load_gait("half_bound"), A1, EnvSettings(envs=64), 0)
     assert set(env.state.tolist()) == {0, 1, 2, 3}
     assert set(make("half_bound", start="first").state.tolist()) == {0}
     assert set(make("half_bound", rewards=Rewards(strict_above=0.0)).state.tolist()) == {0}
@@ -255,16 +255,16 @@ def test_a_broken_limit_ends_the_episode_or_earns_nothing(mistakes: str) -> None
 def test_a_joint_that_turns_faster_than_the_robots_breaks_a_limit() -> None:
     env = make(randomisation=ALIKE)
     limits, unchanged = env.world.terminations, torch.zeros(ENVS, 12)
-    assert not ending.beyond_limits(env.simulation, limits, unchanged).any()
+    assert not terminations.beyond_limits(env.simulation, limits, unchanged).any()
     env.simulation.joint_velocity[3, 5] = -1.01 * A1.velocity_limit
-    beyond = ending.beyond_limits(env.simulation, limits, unchanged)
+    beyond = terminations.beyond_limits(env.simulation, limits, unchanged)
     assert beyond.nonzero().tolist() == [[3]]
-    papers = paper(Settings()).world.terminations
-    assert not ending.beyond_limits(env.simulation, papers, unchanged).any()
+    papers = paper(TrainSettings()).world.terminations
+    assert not terminations.beyond_limits(env.simulation, papers, unchanged).any()
 
 
 def test_robots_differ_within_the_settings() -> None:
-    settings, simulation = Settings().world.randomisation, make().simulation
+    settings, simulation = TrainSettings().world.randomisation, make().simulation
     trunk, model = simulation._trunk, simulation._model
     varied = simulation._varied
     ranges = {
@@ -282,7 +282,7 @@ def test_robots_differ_within_the_settings() -> None:
 
 @pytest.mark.parametrize("kinds", [(), ("rough",)])
 def test_what_is_told_of_placed_robots_and_of_the_others_is_their_state(kinds: tuple) -> None:
-    env = make(ground=Ground(kinds=kinds))
+    env = make(ground=GroundSettings(kinds=kinds))
     env.step(random_actions(env, 0))
     simulation, placed = env.simulation, torch.tensor([1, 5])
     joints = env._default + 0.1 * random_actions(env, 1)[:2]
@@ -321,7 +321,7 @@ def test_each_robot_is_pushed_at_moments_of_its_own() -> None:
 
 
 def test_noise_reaches_the_policy_but_not_the_critic() -> None:
-    quiet = Noise(0.0, 0.0, 0.0, 0.0)
+    quiet = ObservationNoise(0.0, 0.0, 0.0, 0.0)
     noisy, clean = make(), make(randomisation=Randomisation(noise=quiet))
     first, second = noisy.get_observations(), clean.get_observations()
     size = second["policy"].shape[1]
@@ -395,7 +395,7 @@ def test_the_narrow_kernel_is_as_narrow_as_the_gaits_commands_are() -> None:
 
 
 def test_the_papers_tracking_is_one_kernel() -> None:
-    env, settings = make(), paper(Settings()).world.rewards
+    env, settings = make(), paper(TrainSettings()).world.rewards
     env.simulation.base_velocity[:] = torch.tensor([0.5, 0.0, 0.0])
     fine = reward.FineWidths.of(env.table.commands, settings)
     weighted = reward.terms(

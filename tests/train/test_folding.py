@@ -6,23 +6,23 @@ import pytest
 import torch
 from tensordict import TensorDict
 
+from rmll_common.errors import InputError
 from rmll_contract.mirror import mirror_action, mirror_layout
-from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait
 from rmll_gaits.symmetry import mirror_states
 from rmll_gaits.table import MachineTable
 from rmll_robots import A1
-from rmll_train.environment import GaitEnv
-from rmll_train.folding import Reflected, images
+from rmll_train.env.environment import GaitEnv
+from rmll_train.env.simulation import Variation, training_model
 from rmll_train.golden_trace import STILL
-from rmll_train.learner import GaitPPO
-from rmll_train.settings import Learner, Terminations, World
-from rmll_train.simulation import Variation, training_model
+from rmll_train.learning.gait_ppo import GaitPPO
+from rmll_train.learning.network_symmetry import Mirrored, images
+from rmll_train.train_settings import EnvSettings, LearnerSettings, Terminations
 
 GAITS = ("trot", "bound", "half_bound", "walk")
 ENDLESS = Terminations(-1.0, -1.0, 10.0, 1e6, 10.0)
-SMALL = Learner(rollout=8, epochs=3, mini_batches=2, hidden=(32, 32), estimator_hidden=(16,),
-                bf16=False, symmetry=True)  # fmt: skip
+SMALL = LearnerSettings(rollout=8, epochs=3, mini_batches=2, hidden=(32, 32),
+                        estimator_hidden=(16,), bf16=False, symmetry=True)  # fmt: skip
 MIRROR_TWIST = torch.tensor([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 
 
@@ -31,9 +31,9 @@ class Glass:
 
     def __init__(self, env: GaitEnv):
         states = images(env.table, True)
-        self._groups = {name: Reflected(mirror_layout(fields, states))
+        self._groups = {name: Mirrored(mirror_layout(fields, states))
                         for name, fields in env.groups.items()}  # fmt: skip
-        self._action = Reflected(mirror_action(env.robot))
+        self._action = Mirrored(mirror_action(env.robot))
 
     def observations(self, obs: TensorDict) -> TensorDict:
         all_of_them = torch.ones(len(obs), 1)
@@ -51,7 +51,7 @@ def mirror_of(env: GaitEnv) -> Glass:
 def pair(gait: str, seed: int) -> GaitEnv:
     """A robot in a random state, and its mirror image."""
     table = load_gait(gait)
-    env = GaitEnv(table, A1, World(envs=2, randomisation=STILL, terminations=ENDLESS), seed)
+    env = GaitEnv(table, A1, EnvSettings(envs=2, randomisation=STILL, terminations=ENDLESS), seed)
     both, none = torch.ones(2), torch.zeros(2)
     # the A1's trunk is 2 mm heavier on the left
     lopsided = float(training_model(A1).body("trunk").ipos[1])
@@ -103,7 +103,7 @@ def test_a_robot_that_leans_does_not_look_like_its_own_mirror_image() -> None:
 
 @pytest.mark.parametrize("profile", ["paper", "imu"])
 def test_the_image_of_the_image_is_the_observation(profile: str) -> None:
-    env = GaitEnv(load_gait("walk"), A1, World(envs=4, profile=profile), 0)
+    env = GaitEnv(load_gait("walk"), A1, EnvSettings(envs=4, profile=profile), 0)
     mirror, obs = mirror_of(env), env.get_observations()
     again = mirror.observations(mirror.observations(obs))
     assert all(
@@ -115,7 +115,7 @@ def test_the_image_of_the_image_is_the_observation(profile: str) -> None:
 @pytest.mark.parametrize("gait, half", [("trot", {1}), ("walk", {2, 3}), ("half_bound", {2, 3})])
 def test_a_folded_policy_is_as_symmetric_as_its_gait(gait: str, half: set[int]) -> None:
     torch.manual_seed(0)
-    env = GaitEnv(load_gait(gait), A1, World(envs=64), 0)
+    env = GaitEnv(load_gait(gait), A1, EnvSettings(envs=64), 0)
     ppo, mirror = GaitPPO(env, SMALL), mirror_of(env)
     obs = env.get_observations()
     image = mirror.observations(obs)
@@ -133,7 +133,7 @@ def test_a_folded_policy_is_as_symmetric_as_its_gait(gait: str, half: set[int]) 
 
 
 def test_a_state_that_is_its_own_image_is_never_turned() -> None:
-    env = GaitEnv(load_gait("bound"), A1, World(envs=8), 0)
+    env = GaitEnv(load_gait("bound"), A1, EnvSettings(envs=8), 0)
     ppo = GaitPPO(env, SMALL)
     assert not ppo.policy.fold.used
 
@@ -142,13 +142,13 @@ def test_auto_learns_without_symmetry_where_there_is_none_and_true_refuses(
     lopsided: MachineTable,
 ) -> None:
     assert images(lopsided, "auto") == (0, 1)
-    env = GaitEnv(lopsided, A1, World(envs=2), 0)
+    env = GaitEnv(lopsided, A1, EnvSettings(envs=2), 0)
     with pytest.raises(InputError, match="gait trot has no mirror symmetry"):
         GaitPPO(env, SMALL)
 
 
 def test_symmetry_can_be_turned_off() -> None:
-    env = GaitEnv(load_gait("trot"), A1, World(envs=2), 0)
+    env = GaitEnv(load_gait("trot"), A1, EnvSettings(envs=2), 0)
     assert not GaitPPO(env, replace(SMALL, symmetry=False)).policy.fold.used
 
 

@@ -8,13 +8,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from rmll_train import precision
-from rmll_train.precision import Precision, choose
-from rmll_train.settings import Settings
+from rmll_train.learning import precision
+from rmll_train.learning.precision import Precision, choose
+from rmll_train.train_settings import TrainSettings
 
 
-def with_bf16(value: bool | str) -> Settings:
-    return replace(Settings(), learner=replace(Settings().learner, bf16=value))
+def with_bf16(value: bool | str) -> TrainSettings:
+    return replace(TrainSettings(), learner=replace(TrainSettings().learner, bf16=value))
 
 
 @pytest.mark.parametrize("wanted", [True, False])
@@ -41,8 +41,8 @@ def test_measuring_leaves_the_runs_random_numbers_alone() -> None:
 def test_a_processor_without_bfloat16_gets_float32() -> None:
     """The instructions are taken away from torch; what is left is five times slower or more."""
     code = (
-        "from rmll_train.settings import Settings\n"
-        "from rmll_train.precision import choose\nprint(choose(Settings()).bf16)"
+        "from rmll_train.train_settings import Settings\n"
+        "from rmll_train.learning.precision import choose\nprint(choose(Settings()).bf16)"
     )
     without = os.environ | {"ONEDNN_MAX_CPU_ISA": "AVX2", "ATEN_CPU_CAPABILITY": "avx2"}
     done = subprocess.run([sys.executable, "-c", code], env=without, capture_output=True, text=True)

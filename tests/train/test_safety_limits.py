@@ -5,9 +5,9 @@ import torch
 from rmll_gaits.load import load_gait
 from rmll_onboard.settings.runtime_settings import Safety
 from rmll_robots import A1
-from rmll_train.environment import GaitEnv
-from rmll_train.safety_limits import SafetyLimits
-from rmll_train.settings import World
+from rmll_train.env.environment import GaitEnv
+from rmll_train.env.safety_limits import SafetyLimits
+from rmll_train.train_settings import EnvSettings
 
 ENVS = 4
 LIMIT = Safety().stuck
@@ -15,7 +15,7 @@ NO_ACTION = torch.zeros(ENVS, 12)
 
 
 def limits() -> tuple[GaitEnv, SafetyLimits]:
-    env = GaitEnv(load_gait("trot"), A1, World(envs=ENVS), seed=0)
+    env = GaitEnv(load_gait("trot"), A1, EnvSettings(envs=ENVS), seed=0)
     env.simulation.joint_velocity = torch.zeros(ENVS, 12)
     return env, SafetyLimits(env)
 

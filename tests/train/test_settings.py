@@ -5,8 +5,15 @@ from pathlib import Path
 import pytest
 
 import rmll_train
-from rmll_gaits.errors import InputError
-from rmll_train.settings import Learner, Settings, World, load, paper, to_yaml
+from rmll_common.errors import InputError
+from rmll_train.train_settings import (
+    EnvSettings,
+    LearnerSettings,
+    TrainSettings,
+    load,
+    paper,
+    to_yaml,
+)
 
 EXPERIMENTS = sorted((Path(rmll_train.__file__).parent / "experiments").glob("*.yaml"))
 
@@ -20,33 +27,39 @@ def write(tmp_path: Path, text: str) -> Path:
 @pytest.mark.parametrize(
     "settings",
     [
-        Settings(),
-        paper(Settings(gait="pace", seed=3)),
-        Settings(gait="1e3", learner=Learner(learning_rate=1e-05, gamma=1e16, hidden=(1, 1))),
-        Settings(gait="010.yaml", seed=10**9, learner=Learner(rate_range=(2.5e-7, 1e-5))),
+        TrainSettings(),
+        paper(TrainSettings(gait="pace", seed=3)),
+        TrainSettings(
+            gait="1e3", learner=LearnerSettings(learning_rate=1e-05, gamma=1e16, hidden=(1, 1))
+        ),
+        TrainSettings(
+            gait="010.yaml", seed=10**9, learner=LearnerSettings(rate_range=(2.5e-7, 1e-5))
+        ),
     ],
 )
-def test_a_run_can_be_told_again_from_its_settings_file(tmp_path: Path, settings: Settings) -> None:
-    assert load(write(tmp_path, to_yaml(settings)), Settings()) == settings
+def test_a_run_can_be_told_again_from_its_settings_file(
+    tmp_path: Path, settings: TrainSettings
+) -> None:
+    assert load(write(tmp_path, to_yaml(settings)), TrainSettings()) == settings
 
 
 def test_a_file_names_only_what_differs(tmp_path: Path) -> None:
     path = write(tmp_path, "world: {rewards: {power: -0.5}}\n")
-    changed = load(path, Settings())
+    changed = load(path, TrainSettings())
     assert changed.world.rewards.power == -0.5
-    assert changed.learner == Settings().learner
+    assert changed.learner == TrainSettings().learner
 
 
 def test_numbers_may_have_an_exponent(tmp_path: Path) -> None:
     text = "learner: {learning_rate: 1e-3, steps: 3e6}\nworld: {rewards: {bonus: 1e3}}"
-    found = load(write(tmp_path, text), Settings())
+    found = load(write(tmp_path, text), TrainSettings())
     assert (found.learner.learning_rate, found.learner.steps) == (0.001, 3_000_000)
     assert (found.world.rewards.bonus, type(found.world.rewards.bonus)) == (1000.0, float)
 
 
 @pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.name)
 def test_every_experiment_can_be_loaded(path: Path) -> None:
-    load(path, Settings()).check()
+    load(path, TrainSettings()).check()
 
 
 @pytest.mark.parametrize("text, value", [("auto", "auto"), ("on", True), ("off", False)])
@@ -54,7 +67,7 @@ def test_symmetry_is_on_off_or_where_the_gait_allows_it(
     tmp_path: Path, text: str, value: bool | str
 ) -> None:
     path = write(tmp_path, f"learner: {{symmetry: {text}}}\n")
-    assert load(path, Settings()).learner.symmetry == value
+    assert load(path, TrainSettings()).learner.symmetry == value
 
 
 @pytest.mark.parametrize(
@@ -75,19 +88,19 @@ def test_symmetry_is_on_off_or_where_the_gait_allows_it(
 )
 def test_bad_settings_are_one_clear_line(tmp_path: Path, text: str, expected: str) -> None:
     with pytest.raises(InputError) as error:
-        load(write(tmp_path, text), Settings())
+        load(write(tmp_path, text), TrainSettings())
     assert expected in str(error.value) and "mine.yaml" in str(error.value)
 
 
 def test_sizes_that_cannot_work_are_refused() -> None:
     for world, learner in (
-        (World(envs=0), Learner()),
-        (World(envs=1), Learner(rollout=2)),
-        (World(), Learner(epochs=1, critic_epochs=2)),
+        (EnvSettings(envs=0), LearnerSettings()),
+        (EnvSettings(envs=1), LearnerSettings(rollout=2)),
+        (EnvSettings(), LearnerSettings(epochs=1, critic_epochs=2)),
     ):
         with pytest.raises(InputError):
-            Settings(world=world, learner=learner).check()
-    Settings().check()
+            TrainSettings(world=world, learner=learner).check()
+    TrainSettings().check()
 
 
 @pytest.mark.parametrize(
@@ -99,4 +112,4 @@ def test_sizes_that_cannot_work_are_refused() -> None:
 )
 def test_sizes_that_no_memory_has_are_refused(tmp_path: Path, text: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
-        load(write(tmp_path, text), Settings()).check()
+        load(write(tmp_path, text), TrainSettings()).check()

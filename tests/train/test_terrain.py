@@ -7,13 +7,13 @@ import torch
 
 from rmll_gaits.load import load_gait
 from rmll_robots import A1
-from rmll_train.curriculum import Levels
-from rmll_train.environment import GaitEnv
-from rmll_train.settings import Ground, World
-from rmll_train.simulation import training_model
-from rmll_train.terrain import Terrain, build
+from rmll_train.env.curriculum import TerrainCurriculum
+from rmll_train.env.environment import GaitEnv
+from rmll_train.env.simulation import training_model
+from rmll_train.env.terrain import Terrain, build
+from rmll_train.train_settings import EnvSettings, GroundSettings
 
-ALL = Ground(kinds=("rough", "uphill", "downhill", "stones"), levels=3, tile=4.0)
+ALL = GroundSettings(kinds=("rough", "uphill", "downhill", "stones"), levels=3, tile=4.0)
 
 
 @pytest.fixture(scope="module")
@@ -54,13 +54,13 @@ def test_each_level_is_harder_than_the_one_before(terrain: Terrain) -> None:
 
 
 def test_robots_are_placed_with_no_foot_in_the_ground() -> None:
-    env = GaitEnv(load_gait("trot"), A1, World(envs=32, ground=ALL), seed=0)
+    env = GaitEnv(load_gait("trot"), A1, EnvSettings(envs=32, ground=ALL), seed=0)
     assert env.simulation.foot_height.min() > -1e-3
     assert env.simulation.foot_height.amin(1).max() < 1e-3
 
 
 def test_a_robot_that_holds_its_gait_climbs_and_one_that_falls_descends(terrain: Terrain) -> None:
-    levels = Levels(terrain, ALL, 5, torch.Generator().manual_seed(0))
+    levels = TerrainCurriculum(terrain, ALL, 5, torch.Generator().manual_seed(0))
     levels.level[:] = torch.tensor([1, 1, 1, 0, 1])
     # to the end, fell, to the end, fell, another limit
     whole = torch.tensor([True, False, True, False, False])
@@ -70,7 +70,7 @@ def test_a_robot_that_holds_its_gait_climbs_and_one_that_falls_descends(terrain:
 
 
 def test_who_masters_the_last_level_is_sent_to_any(terrain: Terrain) -> None:
-    levels = Levels(terrain, ALL, 200, torch.Generator().manual_seed(0))
+    levels = TerrainCurriculum(terrain, ALL, 200, torch.Generator().manual_seed(0))
     levels.level[:] = ALL.levels - 1
     all_of_them = torch.ones(200, dtype=torch.bool)
     levels.update(torch.arange(200), all_of_them, ~all_of_them, torch.ones(200))

@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_train import time_to_gait
-from rmll_train.evaluation import Judgement
-from rmll_train.settings import Settings, overlaid
-from rmll_train.time_to_gait import LEVELS, WITHOUT, Emergence, Seen, held, measure
+from rmll_train.periodic_evaluation import Judgement
+from rmll_train.time_to_gait import LEVELS, WITHOUT, Emergence, EvaluationPoint, held, measure
+from rmll_train.train_settings import TrainSettings, overlaid
 
 
 def test_a_level_is_held_from_the_first_of_two_judgements_in_a_row() -> None:
     seen = [
-        Seen(number, number / 10, Judgement({"adherence": adherence}, [], []))
+        EvaluationPoint(number, number / 10, Judgement({"adherence": adherence}, [], []))
         for number, adherence in enumerate((0.96, 0.5, 0.97, 0.96), 1)
     ]
     level = LEVELS["adherence 0.95"]
@@ -24,7 +24,7 @@ def test_a_level_is_held_from_the_first_of_two_judgements_in_a_row() -> None:
 
 @pytest.mark.parametrize("name", [name for name in WITHOUT if name])
 def test_each_departure_can_be_turned_off(name: str) -> None:
-    assert overlaid(Settings(), WITHOUT[name], name) != Settings()
+    assert overlaid(TrainSettings(), WITHOUT[name], name) != TrainSettings()
 
 
 def test_an_interrupted_table_goes_on_where_it_was(

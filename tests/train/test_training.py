@@ -16,29 +16,29 @@ import torch
 import yaml
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from rmll_export.bundle import export
-from rmll_export.checkpoint import read
-from rmll_gaits.errors import Failure, InputError
+from rmll_common.errors import Failure, InputError
+from rmll_export.checkpoint_reader import read
+from rmll_export.export_bundle import export
 from rmll_gaits.load import load_gait
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.control.controller import prove
 from rmll_robots import A1
 from rmll_train.checkpoint import load_checkpoint, save_checkpoint
 from rmll_train.cli import _chosen, _continued, _summary, count, main
-from rmll_train.environment import GaitEnv
-from rmll_train.evaluation import WHERE, evaluate
+from rmll_train.env.environment import GaitEnv
 from rmll_train.golden_trace import golden_trace
-from rmll_train.learner import GaitPPO
-from rmll_train.precision import Precision
-from rmll_train.return_scale import ReturnScale
-from rmll_train.samples import collected
-from rmll_train.settings import Learner, Settings, World, to_yaml
-from rmll_train.training import Judging, Progress, Run, Start, train
+from rmll_train.learning.gait_ppo import GaitPPO
+from rmll_train.learning.precision import Precision
+from rmll_train.learning.return_scale import ReturnScale
+from rmll_train.learning.samples import collected
+from rmll_train.periodic_evaluation import WHERE, evaluate
+from rmll_train.train_settings import EnvSettings, LearnerSettings, TrainSettings, to_yaml
+from rmll_train.training import Judging, Run, Start, TrainingProgress, train
 
 ENVS, ROLLOUT = 16, 8
-SMALL = Settings(
-    world=World(envs=ENVS),
-    learner=Learner(steps=4 * ENVS * ROLLOUT, rollout=ROLLOUT, epochs=2, mini_batches=2,
+SMALL = TrainSettings(
+    world=EnvSettings(envs=ENVS),
+    learner=LearnerSettings(steps=4 * ENVS * ROLLOUT, rollout=ROLLOUT, epochs=2, mini_batches=2,
                     hidden=(32, 32), estimator_hidden=(16,), bf16=False),
 )  # fmt: skip
 
@@ -47,7 +47,7 @@ def quiet(_: object) -> None:
     pass
 
 
-def steps(settings: Settings, updates: int) -> Settings:
+def steps(settings: TrainSettings, updates: int) -> TrainSettings:
     learner = replace(settings.learner, steps=updates * ENVS * ROLLOUT)
     return replace(settings, learner=learner)
 
@@ -55,7 +55,7 @@ def steps(settings: Settings, updates: int) -> Settings:
 def test_a_run_leaves_settings_checkpoint_policy_curves_and_result(tmp_path: Path) -> None:
     run, seen = tmp_path / "run", []
     assert train(run, SMALL, seen.append, resume=False)
-    updates = [told for told in seen if isinstance(told, Progress)]
+    updates = [told for told in seen if isinstance(told, TrainingProgress)]
     assert [progress.steps for progress in updates] == [n * ENVS * ROLLOUT for n in (1, 2, 3, 4)]
     assert seen[0] == Start(Precision(bf16=False, gain=None), load_gait("trot").commands, 0,
                             SMALL.learner.steps)  # fmt: skip
@@ -71,7 +71,7 @@ def test_a_run_leaves_settings_checkpoint_policy_curves_and_result(tmp_path: Pat
 
 def test_a_policy_that_never_learned_the_gait_is_measured_by_all_of_its_rules() -> None:
     """A half_bound rejects standing on all feet; until the demands are strict it only waits."""
-    env = GaitEnv(load_gait("half_bound"), A1, World(envs=ENVS, mistakes="end"), seed=0)
+    env = GaitEnv(load_gait("half_bound"), A1, EnvSettings(envs=ENVS, mistakes="end"), seed=0)
     assert not env.demands.strict
     tally = evaluate(lambda _: torch.zeros(ENVS, 12), env, steps=50)
     assert tally.metrics()["early_ends"] == 1.0
@@ -244,7 +244,7 @@ def test_a_run_that_goes_on_is_not_finished(tmp_path: Path) -> None:
     train(run, steps(SMALL, 1), quiet, resume=False)
 
     def stop(told: object) -> None:
-        if isinstance(told, Progress):
+        if isinstance(told, TrainingProgress):
             signal.raise_signal(signal.SIGINT)
 
     assert not train(run, steps(SMALL, 9), stop, resume=True)

@@ -3,12 +3,12 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from rmll_gaits.adherence import GaitProgress
 from rmll_gaits.compile import compile_gait
 from rmll_gaits.load import load_gait
 from rmll_gaits.pose import to_label
-from rmll_gaits.progress import Progress
 from rmll_gaits.spec import read_spec
-from rmll_view.contacts import (
+from rmll_view.contact_diagram import (
     contact_figure,
     draw_comparison,
     draw_contacts,
@@ -134,7 +134,7 @@ def test_the_fewest_feet_that_would_have_to_be_otherwise_are_at_odds(gait, state
 
 
 def test_no_foot_is_at_odds_in_a_step_that_is_explained():
-    table, progress = load_gait("half_bound"), Progress(load_gait("half_bound"))
+    table, progress = load_gait("half_bound"), GaitProgress(load_gait("half_bound"))
     rng = np.random.default_rng(0)
     labels = rng.integers(0, 16, 300)
     steps = []

@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 from rmll_gaits.compile import compile_gait
 from rmll_gaits.load import library_names, load_gait
 from rmll_gaits.spec import read_spec
-from rmll_view.machine import draw_machine
+from rmll_view.machine_diagram import draw_machine
 
 BRANCHES = """
 gait: branches

@@ -6,7 +6,7 @@ import pytest
 
 from rmll_gaits.load import library_names, load_gait
 from rmll_gaits.table import MachineTable
-from rmll_view.gait import main
+from rmll_view.gait_cli import main
 
 OVERLAP = """
 gait: overlap

@@ -14,11 +14,11 @@ from typing import Any
 import torch
 from safetensors.torch import save
 
+from rmll_common.errors import InputError
 from rmll_contract.contract import KEY, Labels, Trace, describe, encode, seal
-from rmll_gaits.errors import InputError
-from rmll_train.environment import GaitEnv
-from rmll_train.folding import Fold
-from rmll_train.network import EstimatingActor
+from rmll_train.env.environment import GaitEnv
+from rmll_train.learning.actor_critic import EstimatingActor
+from rmll_train.learning.network_symmetry import NetworkSymmetry
 
 CHECKPOINT = "checkpoint.pt"
 POLICY = "policy.safetensors"
@@ -83,7 +83,7 @@ def _layers(name: str, network: torch.nn.Module) -> dict[str, torch.Tensor]:
     }
 
 
-def _fold(fold: Fold) -> dict[str, torch.Tensor]:
+def _fold(fold: NetworkSymmetry) -> dict[str, torch.Tensor]:
     """Which states are turned, and the mirrors; nothing where no state is."""
     if not fold.used:
         return {}

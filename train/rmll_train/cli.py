@@ -10,17 +10,17 @@ from typing import Annotated, Any, Literal
 import tyro
 import yaml
 
-from rmll_contract import command
-from rmll_gaits.errors import InputError
+from rmll_common import command_line
+from rmll_common.errors import InputError
 from rmll_gaits.load import is_gait_file, library_names, load_gait
-from rmll_train import settings as settings_file
+from rmll_train import train_settings as settings_file
 from rmll_train.live_report import LiveReport
-from rmll_train.settings import Settings
+from rmll_train.train_settings import TrainSettings
 from rmll_train.training import RESULT, SETTINGS, train
 
 
 def main() -> None:
-    command.run("rmll-train", _train)
+    command_line.run("rmll-train", _train)
 
 
 def _train(
@@ -121,9 +121,9 @@ def count(flag: str, text: str) -> int:
 
 def _chosen(
     gait: str, preset: str, overlay: Path | None, envs: int | None, seed: int | None
-) -> Settings:
+) -> TrainSettings:
     """The preset, under the settings file, under the flags."""
-    chosen = settings_file.paper(Settings()) if preset == "paper" else Settings()
+    chosen = settings_file.paper(TrainSettings()) if preset == "paper" else TrainSettings()
     if overlay is not None:
         chosen = settings_file.load(overlay, chosen)
     world = chosen.world if envs is None else replace(chosen.world, envs=envs)
@@ -134,9 +134,9 @@ def _chosen(
     return replace(chosen, gait=gait, seed=seed, world=world)
 
 
-def _continued(run: Path, overlay: Path | None) -> Settings:
+def _continued(run: Path, overlay: Path | None) -> TrainSettings:
     """The run's settings, under the settings file."""
-    before = settings_file.load(_existing(run / SETTINGS), Settings())
+    before = settings_file.load(_existing(run / SETTINGS), TrainSettings())
     chosen = before if overlay is None else settings_file.load(overlay, before)
     if (chosen.gait, chosen.seed) != (before.gait, before.seed):
         raise InputError(f"{overlay}: a run cannot change its gait or seed")

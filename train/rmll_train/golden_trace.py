@@ -5,13 +5,13 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from rmll_common.errors import Failure
 from rmll_contract.contract import Trace, float_lists
-from rmll_gaits.errors import Failure
 from rmll_gaits.table import Commands, MachineTable, nearest
 from rmll_robots import Robot
-from rmll_train.environment import GaitEnv
-from rmll_train.network import EstimatingActor
-from rmll_train.settings import Ground, Noise, Randomisation, World
+from rmll_train.env.environment import GaitEnv
+from rmll_train.learning.actor_critic import EstimatingActor
+from rmll_train.train_settings import EnvSettings, GroundSettings, ObservationNoise, Randomisation
 
 STEPS = 64
 SEED = 7
@@ -22,12 +22,14 @@ ALIKE = Randomisation(
     initial_joint=0.0, initial_velocity=0.0,
 )  # fmt: skip
 """Robots that do not differ, start at rest and are not pushed; their sensors are noisy"""
-STILL = replace(ALIKE, noise=Noise(0.0, 0.0, 0.0, 0.0))
+STILL = replace(ALIKE, noise=ObservationNoise(0.0, 0.0, 0.0, 0.0))
 """... and these have no noise"""
 
 
 @torch.no_grad()
-def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, world: World) -> Trace:
+def golden_trace(
+    actor: EstimatingActor, table: MachineTable, robot: Robot, world: EnvSettings
+) -> Trace:
     """The first steps of an episode: what the robot would sense, and what the trainer answers.
 
     Raises Failure if the networks answer with what is no number.
@@ -41,7 +43,7 @@ def golden_trace(actor: EstimatingActor, table: MachineTable, robot: Robot, worl
             start="first",
             first_clearance=world.clearance,
             first_gravity=1.0,
-            ground=Ground(),
+            ground=GroundSettings(),
             randomisation=STILL,
         ),
         SEED,

@@ -43,7 +43,7 @@ class LiveReport:
         if self._terminal:
             self._live.stop()
 
-    def __call__(self, progress: Start | training.Progress | Judging) -> None:
+    def __call__(self, progress: Start | training.TrainingProgress | Judging) -> None:
         if isinstance(progress, Start):
             self._commands = progress.commands
             self._live.console.print(str(progress.precision))

@@ -8,10 +8,10 @@ from typing import Any
 import msgspec
 
 from rmll_gaits.table import MachineTable
-from rmll_train.settings import Settings
+from rmll_train.train_settings import TrainSettings
 
 
-def origin(settings: Settings, gait: MachineTable) -> dict[str, Any]:
+def origin(settings: TrainSettings, gait: MachineTable) -> dict[str, Any]:
     """Plain values; to be asked for when a run begins, for the code may change while it trains.
 
     The gait is told by its name: where its file lay is nobody's business, and its rules are in the

@@ -19,13 +19,13 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from rmll_contract import command
+from rmll_common import command_line
+from rmll_common.errors import InputError
 from rmll_contract.usefulness import ADHERENCE
-from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait
-from rmll_train.evaluation import Judgement
+from rmll_train.periodic_evaluation import Judgement
 from rmll_train.provenance import origin
-from rmll_train.settings import Settings, overlaid
+from rmll_train.train_settings import TrainSettings, overlaid
 from rmll_train.training import Run
 from rmll_view.console import console
 
@@ -63,7 +63,7 @@ WITHOUT: dict[str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True)
-class Seen:
+class EvaluationPoint:
     """A judgement, and when in the run it was made."""
 
     steps: int
@@ -96,15 +96,15 @@ def time_to_gait(
     gait: str, seed: int, without: str, limit: int, say: Callable[[str], None]
 ) -> Emergence:
     """Train until the gait is useful, or for ``limit`` steps."""
-    settings = overlaid(replace(Settings(), gait=gait, seed=seed), WITHOUT[without], without)
+    settings = overlaid(replace(TrainSettings(), gait=gait, seed=seed), WITHOUT[without], without)
     table = load_gait(gait)
     run = Run(settings, table)
     judge = run.judge()
-    seen: list[Seen] = []
+    seen: list[EvaluationPoint] = []
     while run.steps < limit and not held(seen, LEVELS["useful"]):
         run.update()
         if run.steps >= min(limit, EVERY * (len(seen) + 1)):
-            seen.append(Seen(run.steps, run.seconds / 60, judge(run.policy)))
+            seen.append(EvaluationPoint(run.steps, run.seconds / 60, judge(run.policy)))
             say(
                 f"{gait} {without} seed {seed}: {run.steps / 1e6:.2f} M steps, {_figures(seen[-1])}"
             )
@@ -119,7 +119,7 @@ def time_to_gait(
     )  # fmt: skip
 
 
-def held(seen: list[Seen], level: Callable[[Judgement], bool]) -> Seen | None:
+def held(seen: list[EvaluationPoint], level: Callable[[Judgement], bool]) -> EvaluationPoint | None:
     """The first of two judgements in a row that reach ``level``."""
     for first, second in pairwise(seen):
         if level(first.judgement) and level(second.judgement):
@@ -127,7 +127,7 @@ def held(seen: list[Seen], level: Callable[[Judgement], bool]) -> Seen | None:
     return None
 
 
-def _figures(seen: Seen) -> str:
+def _figures(seen: EvaluationPoint) -> str:
     found = seen.judgement.metrics
     return (
         f"adherence {found['adherence']:.3f}, errors {found['vx_error']:.3f} m/s "
@@ -190,4 +190,4 @@ def measure(
 
 
 if __name__ == "__main__":
-    command.run("rmll_train.time_to_gait", measure)
+    command_line.run("rmll_train.time_to_gait", measure)

@@ -12,24 +12,24 @@ import torch
 import yaml
 from torch.utils.tensorboard import SummaryWriter
 
+from rmll_common.errors import InputError
 from rmll_gaits.changes import changes
 from rmll_gaits.compile import compile_gait
-from rmll_gaits.errors import InputError
 from rmll_gaits.load import load_gait, load_text
 from rmll_gaits.spec import read_spec
 from rmll_gaits.table import Commands, MachineTable
 from rmll_robots import A1
-from rmll_train import precision
-from rmll_train import settings as settings_file
+from rmll_train import train_settings as settings_file
 from rmll_train.checkpoint import load_checkpoint, save_checkpoint, save_policy
-from rmll_train.environment import GaitEnv
-from rmll_train.evaluation import WHERE, Judge, Judgement
+from rmll_train.env.environment import GaitEnv
 from rmll_train.golden_trace import golden_trace
-from rmll_train.learner import GaitPPO
-from rmll_train.network import EstimatingActor
-from rmll_train.precision import Precision
+from rmll_train.learning import precision
+from rmll_train.learning.actor_critic import EstimatingActor
+from rmll_train.learning.gait_ppo import GaitPPO
+from rmll_train.learning.precision import Precision
+from rmll_train.periodic_evaluation import WHERE, Judge, Judgement
 from rmll_train.provenance import origin, stages
-from rmll_train.settings import Settings
+from rmll_train.train_settings import TrainSettings
 
 SETTINGS = "settings.yaml"
 GAIT = "gait.yaml"
@@ -42,7 +42,7 @@ JUDGE_SEED = 1000
 
 
 @dataclass(frozen=True)
-class Progress:
+class TrainingProgress:
     """What a reporter is shown after every update."""
 
     steps: int
@@ -74,10 +74,10 @@ class Start:
     total: int
 
 
-Report = Callable[[Start | Progress | Judging], None]
+Report = Callable[[Start | TrainingProgress | Judging], None]
 
 
-def train(folder: Path, settings: Settings, report: Report, resume: bool) -> bool:
+def train(folder: Path, settings: TrainSettings, report: Report, resume: bool) -> bool:
     """Train until ``settings.learner.steps``; returns False if Ctrl-C or SIGTERM ended it before.
 
     ``folder`` then holds the gait and the settings, ``checkpoint.pt`` (at most a minute old at any
@@ -151,7 +151,7 @@ def _check_unchanged(begun: MachineTable, gait: str, folder: Path, saved: dict[s
         )
 
 
-def _draw(writer: SummaryWriter, progress: Progress) -> None:
+def _draw(writer: SummaryWriter, progress: TrainingProgress) -> None:
     for group, values in (("walk", progress.metrics), ("loss", progress.losses)):
         for name, value in values.items():
             writer.add_scalar(f"{group}/{name}", value, progress.steps)
@@ -160,7 +160,7 @@ def _draw(writer: SummaryWriter, progress: Progress) -> None:
 class Run:
     """The parts of a run that change while it trains."""
 
-    def __init__(self, settings: Settings, gait: MachineTable):
+    def __init__(self, settings: TrainSettings, gait: MachineTable):
         self.precision = precision.choose(settings)
         learner = replace(settings.learner, bf16=self.precision.bf16)
         self._settings = settings = replace(settings, learner=learner)
@@ -178,7 +178,7 @@ class Run:
     def policy(self) -> EstimatingActor:
         return self._learner.policy
 
-    def update(self) -> Progress:
+    def update(self) -> TrainingProgress:
         """Collect one rollout and learn from it."""
         began = time.monotonic()
         env, learner, rollout = self._env, self._learner, self._settings.learner.rollout
@@ -200,7 +200,7 @@ class Run:
             "skipped_steps": float(learner.skipped_steps),
         }
         total = self._settings.learner.steps
-        return Progress(self.steps, total, taken / elapsed, metrics, losses)
+        return TrainingProgress(self.steps, total, taken / elapsed, metrics, losses)
 
     def save(self, folder: Path) -> None:
         """Write both checkpoint files."""
@@ -281,7 +281,7 @@ class _Interrupt:
     def heeded_by(self, report: Report) -> Report:
         """``report`` that raises _Stopped once a stop was asked for: a judgement is not saved."""
 
-        def heeding(told: Start | Progress | Judging) -> None:
+        def heeding(told: Start | TrainingProgress | Judging) -> None:
             if self.asked:
                 raise _Stopped
             report(told)

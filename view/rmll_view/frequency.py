@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from rmll_view.contacts import Times, draw_contacts
+from rmll_view.contact_diagram import Times, draw_contacts
 from rmll_view.palette import FOOT_COLOURS, INK, MUTED
 
 

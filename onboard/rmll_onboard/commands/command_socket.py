@@ -19,7 +19,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from rmll_gaits.errors import Failure, InputError
+from rmll_common.errors import Failure, InputError
 from rmll_onboard.commands.operator import OperatorCommand
 from rmll_onboard.protocol.a1_remote import Remote
 from rmll_onboard.state.modes import NS, Mode, Request

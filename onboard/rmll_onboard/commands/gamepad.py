@@ -9,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
 
-from rmll_gaits.errors import Failure
+from rmll_common.errors import Failure
 from rmll_gaits.table import Commands
 from rmll_onboard.commands.operator import OperatorCommand, RemoteOperator
 from rmll_onboard.protocol.a1_remote import Button, Remote

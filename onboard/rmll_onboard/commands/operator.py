@@ -6,8 +6,8 @@ A gamepad and a local socket lead too, see :mod:`gamepad` and :mod:`command_sock
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
-from rmll_contract.flag import within
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
+from rmll_common.flag import within
 from rmll_gaits.table import Commands, nearest
 from rmll_onboard.protocol.a1_remote import Button, Remote, past
 from rmll_onboard.state.modes import NS, Mode, Request

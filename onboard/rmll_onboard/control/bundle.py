@@ -8,11 +8,11 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
+from rmll_common.errors import InputError
 from rmll_contract import contract as contracts
 from rmll_contract import observation
 from rmll_contract.contract import Contract
 from rmll_contract.onnx_file import graph_sha256, metadata
-from rmll_gaits.errors import InputError
 from rmll_gaits.label import FEET
 from rmll_gaits.table import MachineTable
 from rmll_onboard.control.policy import ACTION, ESTIMATE, OBSERVATION, open_session

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rmll_common.errors import InputError
 from rmll_contract import action, observation
 from rmll_gaits import label
-from rmll_gaits.errors import InputError
+from rmll_gaits.adherence import GaitProgress
 from rmll_gaits.label import FEET
-from rmll_gaits.progress import Progress
 from rmll_onboard.control.bundle import Bundle
 from rmll_onboard.control.policy import Policy
 
@@ -43,7 +43,7 @@ class Controller:
         self._fields = contract.observation
         self._default_pose = np.array(contract.default_pose)
         self._scale, self._clip = contract.action_scale, contract.action_clip
-        self._progress = Progress(table)
+        self._progress = GaitProgress(table)
         ranges = table.commands
         self._low, self._high = np.array([ranges.vx, ranges.wz, ranges.frequency]).T
         self._policy = Policy(bundle.session)

@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 
 FOLDER = Path("policies")
 _SUFFIX = ".onnx"

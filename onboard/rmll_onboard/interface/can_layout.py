@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_onboard.protocol.can_frame import Frame, pack
 from rmll_onboard.protocol.mit_packets import Ranges, Variant
 from rmll_onboard.settings.can_settings import Can

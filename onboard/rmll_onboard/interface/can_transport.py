@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from rmll_gaits.errors import Failure
+from rmll_common.errors import Failure
 from rmll_onboard.protocol.can_frame import LARGEST_ID, MOST, Frame, pack, unpack
 from rmll_onboard.settings.can_settings import Bus
 

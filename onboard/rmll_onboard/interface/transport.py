@@ -5,7 +5,7 @@ import socket
 from contextlib import suppress
 from typing import Protocol
 
-from rmll_gaits.errors import Failure, InputError
+from rmll_common.errors import Failure, InputError
 
 # A flood must not hold the loop: at most so many datagrams are read in one go
 _DRAIN = 64

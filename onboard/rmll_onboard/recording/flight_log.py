@@ -9,7 +9,7 @@ from typing import IO, TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
-from rmll_gaits.errors import Failure, InputError
+from rmll_common.errors import Failure, InputError
 from rmll_onboard.recording import mcap_reader
 from rmll_onboard.recording.log_metadata import FORMAT, LogMetadata
 from rmll_onboard.recording.mcap_writer import (

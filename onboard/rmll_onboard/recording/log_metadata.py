@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from rmll_gaits.errors import InputError
+from rmll_common.errors import InputError
 from rmll_gaits.table import MachineTable
 from rmll_onboard.recording.telemetry import columns
 from rmll_onboard.settings.runtime_settings import RuntimeSettings

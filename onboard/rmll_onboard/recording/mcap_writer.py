@@ -20,7 +20,7 @@ from typing import IO, Any
 
 import msgspec
 
-from rmll_gaits.errors import Failure
+from rmll_common.errors import Failure
 from rmll_gaits.label import FEET
 from rmll_onboard.recording.log_metadata import LogMetadata
 from rmll_onboard.recording.telemetry import Tick, row

@@ -19,7 +19,7 @@ from typing import Any
 
 import msgspec
 
-from rmll_gaits.errors import Failure
+from rmll_common.errors import Failure
 from rmll_onboard.recording.log_metadata import LogMetadata
 from rmll_onboard.recording.mcap_writer import NEEDS
 from rmll_onboard.recording.telemetry import Tick

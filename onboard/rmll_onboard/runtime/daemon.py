@@ -66,7 +66,7 @@ class Daemon:
         self._monitor = GaitMonitor(bundle.table, safety.stuck)
         self._presence = RemoteWatchdog(safety, settings.steering.deadband)
         self._unready_since: int | None = None
-        self._walk = _Walk(bundle)
+        self._walk = WalkStatistics(bundle)
         self._stop = StopSequence(bundle.table, settings.motion.slow_down)
         self._slew = CommandRateLimiter(
             bundle.table.commands, settings.steering, contract.policy_hz
@@ -205,7 +205,7 @@ class Daemon:
             self._supervisor.trip(complaint)
 
 
-class _Walk:
+class WalkStatistics:
     """Counts of all policy steps so far, those of a stop left out."""
 
     def __init__(self, bundle: Bundle) -> None:

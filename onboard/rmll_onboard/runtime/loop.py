@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-from rmll_gaits.errors import Failure
+from rmll_common.errors import Failure
 from rmll_onboard.interface.transport import Transport
 from rmll_onboard.recording.telemetry import Tick
 from rmll_onboard.runtime.cache_warmup import CacheWarmer

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from rmll_gaits.errors import Failure
+from rmll_common.errors import Failure
 from rmll_onboard.settings.runtime_settings import Realtime
 
 # linux/mman.h: what is mapped now and later, each page once it is touched; all pages at once would

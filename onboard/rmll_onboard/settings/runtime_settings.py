@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 import msgspec
 from msgspec import Meta
 
-from rmll_contract import typed_yaml
+from rmll_common import typed_yaml
 from rmll_onboard.settings.can_settings import Can
 
 Seconds = Annotated[float, Meta(ge=0.1, le=60)]

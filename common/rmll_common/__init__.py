@@ -1,0 +1,1 @@
+"""What every package needs: errors, command lines, files that are read and written."""

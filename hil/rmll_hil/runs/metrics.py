@@ -1,0 +1,104 @@
+"""The figures of a run, as the words of this project define them."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmll_hil.runs.outcome import Outcome, at, column, times
+from rmll_onboard.state.modes import Mode
+from rmll_robots import Robot
+
+GRAVITY = 9.81
+SETTLING_NS = 1_000_000_000
+"""The first second of walking does not count for the velocity errors"""
+
+LEAST_DISTANCE = 0.2
+"""[m]; on a shorter way a robot has swayed, not walked"""
+
+
+def summary(outcome: Outcome, gait: str, robot: Robot) -> dict[str, Any]:
+    """Plain numbers, None where there is nothing to measure.
+
+    ``adherence``: transitions made over transitions that the frequency command allows.
+    ``off_spec_contact``: share of policy steps whose label the automaton cannot explain.
+    ``vx_error`` [m/s], ``wz_error`` [rad/s]: mean absolute error of the true velocity in the
+    base frame after the first second. ``falls``: how often the base touched the ground.
+    ``distance`` [m]: the way on the ground. ``energy_per_metre`` [J/m]: sum |torque x speed| dt
+    over it. ``cost_of_transport``: that over the weight. ``stuck``: the gait waited so long for a
+    contact that the robot stopped by itself.
+    """
+    report = outcome.report
+    start, end = report["walking_start_ns"], report["walking_end_ns"]
+    walked = start is not None
+    window = _between(outcome.truth, start, end) if walked else outcome.truth[:0]
+    vx_error, wz_error = _velocity_errors(outcome, window)
+    distance = _distance(window)
+    energy = _energy_per_metre(window, distance)
+    return {
+        "gait": gait,
+        "seconds": (end - start) / 1e9 if walked else 0.0,
+        "adherence": report["adherence"],
+        "transitions": report["transitions"],
+        "off_spec_contact": report["off_spec_contact"],
+        "vx_error": vx_error,
+        "wz_error": wz_error,
+        "falls": _falls(outcome, start, end) if walked else 0,
+        "distance": distance,
+        "energy_per_metre": energy,
+        "cost_of_transport": cost_of_transport(energy, robot),
+        "fault": report["fault"],
+        "stuck": report["stuck_walks"] > 0,
+        "warnings": report["warnings"],
+        "realtime_factor": outcome.realtime_factor,
+        **{
+            name: report[name]
+            for name in ("tick_us", "wake_us", "rss_mb", "timekeeping", "packets")
+        },
+    }
+
+
+def cost_of_transport(energy_per_metre: float | None, robot: Robot) -> float | None:
+    """Energy per metre [J/m] over the robot's weight; None stays None."""
+    return None if energy_per_metre is None else energy_per_metre / (robot.mass * GRAVITY)
+
+
+def _between(truth: NDArray[np.void], start: int, end: int) -> NDArray[np.void]:
+    return truth[(truth["time_ns"] >= start) & (truth["time_ns"] <= end)]
+
+
+def _velocity_errors(
+    outcome: Outcome, window: NDArray[np.void]
+) -> tuple[float | None, float | None]:
+    if not len(window):
+        return None, None
+    settled = window[window["time_ns"] >= window["time_ns"][0] + SETTLING_NS]
+    if not len(settled):
+        return None, None
+    command = column(outcome.log, "vx", "wz")[at(times(outcome.log), settled["time_ns"])]
+    vx_error = np.abs(settled["velocity"][:, 0] - command[:, 0]).mean()
+    wz_error = np.abs(settled["yaw_rate"] - command[:, 1]).mean()
+    return float(vx_error), float(wz_error)
+
+
+def _falls(outcome: Outcome, start: int, end: int) -> int:
+    """Touches of the ground from the first step on, until the robot sits down on purpose.
+
+    A fault while walking ends in damping, without sitting down, so what follows it counts.
+    """
+    truth = outcome.truth
+    sat_down = any(row["mode"] == Mode.SITTING_DOWN for row in outcome.log)
+    last = end if sat_down else truth["time_ns"][-1]
+    grounded = _between(truth, start, last)["grounded"]
+    return int((grounded[1:] & ~grounded[:-1]).sum())
+
+
+def _distance(window: NDArray[np.void]) -> float:
+    steps = np.diff(window["position"][:, :2], axis=0)
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+
+def _energy_per_metre(window: NDArray[np.void], distance: float) -> float | None:
+    if distance < LEAST_DISTANCE:
+        return None
+    return float(window["energy"][-1] - window["energy"][0]) / distance
