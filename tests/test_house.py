@@ -3,12 +3,14 @@
 import ast
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = {
+    "rmll_common": "common",
     "rmll_gaits": "gait_specs",
     "rmll_robots": "robots",
     "rmll_contract": "contract",
@@ -19,18 +21,38 @@ PACKAGES = {
     "rmll_hil": "hil",
     "rmll_eval": "eval",
 }
+_BASE = {"rmll_common", "rmll_gaits", "rmll_robots", "rmll_contract"}
 MAY_IMPORT = {
-    "rmll_gaits": set(),
+    "rmll_common": set(),
+    "rmll_gaits": {"rmll_common"},
     "rmll_robots": set(),
-    "rmll_contract": {"rmll_gaits", "rmll_robots"},
-    "rmll_view": {"rmll_gaits", "rmll_contract"},
-    "rmll_train": {"rmll_gaits", "rmll_robots", "rmll_contract", "rmll_view", "rmll_onboard"},
-    "rmll_export": {"rmll_gaits", "rmll_robots", "rmll_contract", "rmll_onboard"},
-    "rmll_onboard": {"rmll_gaits", "rmll_robots", "rmll_contract"},
-    "rmll_hil": {"rmll_gaits", "rmll_robots", "rmll_contract", "rmll_view", "rmll_onboard"},
+    "rmll_contract": {"rmll_common", "rmll_gaits", "rmll_robots"},
+    "rmll_view": {"rmll_common", "rmll_gaits", "rmll_contract"},
+    "rmll_train": _BASE | {"rmll_view", "rmll_onboard"},
+    "rmll_export": _BASE | {"rmll_onboard"},
+    "rmll_onboard": _BASE,
+    "rmll_hil": _BASE | {"rmll_view", "rmll_onboard"},
     "rmll_eval": set(PACKAGES),
 }
+ROOMS = {
+    "rmll_onboard": (
+        "state", "protocol", "settings", "control", "interface", "commands", "safety", "recording",
+        "runtime",
+    ),
+    "rmll_hil": ("robot", "runs", "replay", "faults"),
+    "rmll_train": ("env", "learning"),
+}  # fmt: skip
+"""Of each package, from the bottom up"""
+APART = {
+    "protocol": {"settings", "control"},
+    "control": {"protocol"},
+    "commands": {"settings", "control", "interface"},
+    "recording": {"protocol", "interface", "commands", "safety"},
+}
+"""Rooms that need not know these, although they are below or beside them"""
 HEAVY = {"torch", "mujoco", "onnx", "matplotlib", "rsl_rl", "tensorboard", "safetensors"}
+MOST_MODULES = 16
+"""In a folder"""
 
 
 def sources(package: str) -> list[Path]:
@@ -40,24 +62,56 @@ def sources(package: str) -> list[Path]:
 
 
 def imports(path: Path) -> set[str]:
-    """Top-level names of all imports, those inside functions too."""
+    """Full names of all imported modules, those inside functions too."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
-            names.add(node.module.split(".")[0])
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
     return names
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_imports_run_downwards(package: str) -> None:
     for path in sources(package):
-        ours = {name for name in imports(path) if name.startswith("rmll_")} - {package}
-        assert ours <= MAY_IMPORT[package], path
+        ours = {name.split(".")[0] for name in imports(path) if name.startswith("rmll_")}
+        assert ours - {package} <= MAY_IMPORT[package], path
 
 
-@pytest.mark.parametrize("package", ["rmll_gaits", "rmll_robots", "rmll_contract", "rmll_onboard"])
+@pytest.mark.parametrize("package", ROOMS)
+def test_rooms_use_only_those_below_them(package: str) -> None:
+    rooms = ROOMS[package]
+    folders = {path.parent.name for path in sources(package) if path.parent.parent.name == package}
+    assert folders - {"experiments"} == set(rooms)
+    for height, room in enumerate(rooms):
+        for path in (ROOT / PACKAGES[package] / package / room).glob("*.py"):
+            ours = {name for name in imports(path) if name.startswith(f"{package}.")}
+            used = {name.split(".")[1] for name in ours} & set(rooms)
+            assert used <= {*rooms[: height + 1]} - APART.get(room, set()), path
+
+
+def test_a_file_or_class_name_stands_for_one_thing() -> None:
+    files, classes = defaultdict(list), defaultdict(list)
+    for path in (path for package in PACKAGES for path in sources(package)):
+        if path.stem not in ("__init__", "cli"):
+            files[path.stem].append(path)
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ClassDef):
+                classes[node.name.lstrip("_")].append(path)
+    assert [paths for paths in files.values() if len(paths) > 1] == []
+    assert {name: paths for name, paths in classes.items() if len(paths) > 1} == {}
+
+
+def test_a_folder_can_be_overlooked() -> None:
+    folders = {path.parent for package in PACKAGES for path in sources(package)}
+    modules = {folder: len([*folder.glob("[!_]*.py")]) for folder in folders}
+    assert {folder: n for folder, n in modules.items() if n > MOST_MODULES} == {}
+
+
+@pytest.mark.parametrize(
+    "package", ["rmll_common", "rmll_gaits", "rmll_robots", "rmll_contract", "rmll_onboard"]
+)
 def test_the_robots_side_never_loads_what_the_robot_lacks(package: str) -> None:
     modules = [
         ".".join(path.relative_to(ROOT / PACKAGES[package]).with_suffix("").parts)

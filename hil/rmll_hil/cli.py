@@ -11,9 +11,9 @@ from rmll_common import command_line
 from rmll_common.errors import InputError
 from rmll_common.output_file import output_file
 from rmll_gaits.load import library_names
-from rmll_hil.faults.fault_plan import Plan, load_plan
 from rmll_hil.robot.can_robot import CanRobot
 from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.robot.fault_plan import Plan, load_plan
 from rmll_hil.robot.serve import Reply, Stop, listen, save, serve
 from rmll_hil.robot.serve_can import serve_can
 from rmll_onboard.interface.can_layout import Layout

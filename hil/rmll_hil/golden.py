@@ -14,9 +14,9 @@ import msgspec
 
 from rmll_common import command_line
 from rmll_common.errors import InputError
-from rmll_hil.faults.fault_plan import parse_plan
 from rmll_hil.faults.fault_rows import BEGIN, ROWS, FaultRow
 from rmll_hil.robot.emulator import Emulator
+from rmll_hil.robot.fault_plan import parse_plan
 from rmll_hil.runs import lockstep
 from rmll_onboard.commands.operator import FlagOperator, Operator, OperatorCommand, RemoteOperator
 from rmll_onboard.control.bundle import Bundle, load_bundle

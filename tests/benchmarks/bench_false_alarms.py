@@ -21,10 +21,10 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 
-from rmll_hil.faults.fault_plan import parse_plan
 from rmll_hil.robot.can_robot import CanRobot
 from rmll_hil.robot.emulator import Emulator
 from rmll_hil.robot.emulator import EmulatorSettings as EmulatorSettings
+from rmll_hil.robot.fault_plan import parse_plan
 from rmll_hil.robot.sensors import Noise, roll_pitch_yaw
 from rmll_hil.runs import lockstep
 from rmll_onboard.commands.operator import OperatorCommand

@@ -31,12 +31,12 @@ NUMBERS = [
     (hil.main, ("serve", "--port", "0"), "seed", (-1,)),
     (hil.main, ("serve", "--port", "0"), "friction", ("nan", "inf", 0)),
     (hil.main, ("faults", "--policy", TROT), "jobs", (-1, 0, 10**6)),
-    *((evaluate.main, ("gait_cli", TROT), name, (-1, 0, 10**9)) for name in ("repeats", "jobs")),
-    (evaluate.main, ("gait_cli", TROT), "episodes", (-1, 0, 10**12)),
-    (evaluate.main, ("gait_cli", TROT), "seconds", (-1, 0, "nan", "inf", 1e300)),
-    (evaluate.main, ("gait_cli", TROT), "seed", (-1, 10**30)),
-    (evaluate.main, ("gait_cli", TROT), "level", (-1, 10)),
-    *((evaluate.main, ("gait_cli", TROT), name, ("nan", "inf", -9))
+    *((evaluate.main, ("gait", TROT), name, (-1, 0, 10**9)) for name in ("repeats", "jobs")),
+    (evaluate.main, ("gait", TROT), "episodes", (-1, 0, 10**12)),
+    (evaluate.main, ("gait", TROT), "seconds", (-1, 0, "nan", "inf", 1e300)),
+    (evaluate.main, ("gait", TROT), "seed", (-1, 10**30)),
+    (evaluate.main, ("gait", TROT), "level", (-1, 10)),
+    *((evaluate.main, ("gait", TROT), name, ("nan", "inf", -9))
       for name in ("speeds", "frequencies")),
 ]  # fmt: skip
 ONE_BY_ONE = [(main, words, name, str(value)) for main, words, name, values in NUMBERS

@@ -6,7 +6,7 @@ import pytest
 FORBIDDEN = ("lark", "yaml", "torch", "mujoco", "onnx", "onnxruntime", "matplotlib", "rich")
 
 
-@pytest.mark.parametrize("module", ["table", "machine", "label", "errors", "pose", "schedule"])
+@pytest.mark.parametrize("module", ["table", "machine", "label", "pose", "schedule"])
 def test_what_the_robot_needs_loads_no_more_than_numpy(module):
     program = (
         f"import sys, rmll_gaits.{module}\n"

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rmll_common.errors import InputError
-from rmll_hil.faults.fault_plan import KINDS, Network, Push, load_plan, parse_plan
 from rmll_hil.faults.fault_rows import ROWS
 from rmll_hil.robot.emulator import Emulator
+from rmll_hil.robot.fault_plan import KINDS, Network, Push, load_plan, parse_plan
 from rmll_hil.robot.lossy_channel import LossyChannel
 from rmll_hil.robot.sensors import QUIET
 from rmll_onboard.protocol import a1_remote
@@ -222,7 +222,7 @@ def test_a_braked_joint_says_so() -> None:
 
 def test_the_remote_is_pressed_released_and_lost() -> None:
     emulator = robot(
-        {"fault": "a1_remote", "seconds": 0.1, "buttons": ["L2", "B"], "ly": -0.5},
+        {"fault": "remote", "seconds": 0.1, "buttons": ["L2", "B"], "ly": -0.5},
         {"fault": "remote_lost", "at": 0.2},
     )
     held, released, lost = (decode_state(pass_time(emulator, 80)).remote for _ in range(3))

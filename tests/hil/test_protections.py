@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rmll_hil.faults.fault_plan import parse_plan
 from rmll_hil.faults.fault_trial import MOTION
 from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.robot.fault_plan import parse_plan
 from rmll_hil.runs import lockstep, metrics
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import Bundle, load_bundle

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rmll_hil.faults.fault_plan import parse_plan
 from rmll_hil.robot.can_robot import CanRobot
 from rmll_hil.robot.emulator import Emulator
+from rmll_hil.robot.fault_plan import parse_plan
 from rmll_hil.runs import lockstep
 from rmll_hil.runs.outcome import Outcome
 from rmll_onboard.commands.operator import FlagOperator

@@ -17,7 +17,7 @@ ENTER = """
 import os
 from pathlib import Path
 from rmll_common.errors import Failure
-from rmll_onboard import realtime
+from rmll_onboard.runtime import realtime
 from rmll_onboard.settings.runtime_settings import Realtime
 try:
     realtime.enter(Realtime({}))

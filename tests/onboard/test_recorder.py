@@ -211,9 +211,9 @@ from pathlib import Path
 from rmll_onboard.recording.log_metadata import describe
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.recording.recorder import Recorder
-from rmll_onboard.settings.runtime_settings import Settings
+from rmll_onboard.settings.runtime_settings import RuntimeSettings
 from rmll_onboard.recording.telemetry import Tick
-about = describe(load_bundle(Path({str(bundle_path)!r})), Settings(), real_time=True)
+about = describe(load_bundle(Path({str(bundle_path)!r})), RuntimeSettings(), real_time=True)
 recorder = Recorder(Path({str(path)!r}), about, 1000)
 for number in range(300):
     recorder.keep(Tick(number, number, [], bytes(610), None, (0.0, 0.0, 8.0), False, False, None))

@@ -41,8 +41,8 @@ def test_measuring_leaves_the_runs_random_numbers_alone() -> None:
 def test_a_processor_without_bfloat16_gets_float32() -> None:
     """The instructions are taken away from torch; what is left is five times slower or more."""
     code = (
-        "from rmll_train.train_settings import Settings\n"
-        "from rmll_train.learning.precision import choose\nprint(choose(Settings()).bf16)"
+        "from rmll_train.train_settings import TrainSettings\n"
+        "from rmll_train.learning.precision import choose\nprint(choose(TrainSettings()).bf16)"
     )
     without = os.environ | {"ONEDNN_MAX_CPU_ISA": "AVX2", "ATEN_CPU_CAPABILITY": "avx2"}
     done = subprocess.run([sys.executable, "-c", code], env=without, capture_output=True, text=True)

@@ -159,9 +159,9 @@ def test_a_run_that_was_killed_goes_on_without_a_jump_in_its_curves(tmp_path: Pa
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     train(whole, steps(SMALL, 60), quiet, resume=False)
     code = (
-        "import sys, pathlib; from rmll_train import settings, training\n"
+        "import sys, pathlib; from rmll_train import training, train_settings as settings\n"
         "training.CHECKPOINT_SECONDS = 0.0\n"
-        "chosen = settings.load(pathlib.Path(sys.argv[1]), settings.Settings())\n"
+        "chosen = settings.load(pathlib.Path(sys.argv[1]), settings.TrainSettings())\n"
         "def report(told): print(told, flush=True)\n"
         "training.train(pathlib.Path(sys.argv[2]), chosen, report, resume=False)"
     )

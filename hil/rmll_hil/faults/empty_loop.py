@@ -56,7 +56,9 @@ def main() -> None:
     worst = 0
     deadline = time.monotonic_ns()  # whatever happens once the line is out is noticed
     print("running", flush=True)
-    while not ends:
+    ended = False
+    while not ended:
+        ended = bool(ends)  # a last look, so that no lateness goes unseen
         deadline += PERIOD_NS
         time.sleep(max(0, deadline - EARLY_NS - time.monotonic_ns()) / 1e9)
         while time.monotonic_ns() < deadline:

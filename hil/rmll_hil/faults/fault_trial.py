@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import msgspec
 import numpy as np
 
-from rmll_hil.faults.fault_plan import Plan, parse_plan
 from rmll_hil.faults.fault_rows import BEGIN, FaultRow, Reaction
 from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.robot.fault_plan import Plan, parse_plan
 from rmll_onboard.protocol.a1_packets import decode_command
 from rmll_robots import Robot
 

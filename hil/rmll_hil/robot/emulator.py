@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from rmll_common.errors import Failure
 from rmll_common.flag import within
-from rmll_hil.faults.fault_injection import FaultInjector
-from rmll_hil.faults.fault_plan import Plan
+from rmll_hil.robot.fault_injection import FaultInjector
+from rmll_hil.robot.fault_plan import Plan
 from rmll_hil.robot.lossy_channel import LossyChannel
 from rmll_hil.robot.motor_board import MotorBoard
 from rmll_hil.robot.robot_packets import A1Robot, RobotPackets

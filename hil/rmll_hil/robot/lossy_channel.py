@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from rmll_hil.faults import fault_plan
-from rmll_hil.faults.fault_plan import Plan
+from rmll_hil.robot import fault_plan
+from rmll_hil.robot.fault_plan import Plan
 
 _HELD_BACK_MS = 8.0
 """For longer than a control period, so that the next datagram overtakes"""

@@ -12,9 +12,9 @@ from rich.progress import TimeRemainingColumn
 
 from rmll_common.errors import Failure, InputError
 from rmll_gaits.table import nearest
-from rmll_hil.faults.fault_plan import Plan, load_plan
 from rmll_hil.robot.can_robot import CanRobot
 from rmll_hil.robot.emulator import Emulator, EmulatorSettings
+from rmll_hil.robot.fault_plan import Plan, load_plan
 from rmll_hil.robot.serve_can import on_free_ports
 from rmll_hil.runs import lockstep, metrics, realtime_run, run_folder, sweep
 from rmll_hil.runs.outcome import Outcome

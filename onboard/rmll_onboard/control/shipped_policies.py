@@ -7,7 +7,7 @@ from rmll_common.errors import InputError
 
 FOLDER = Path("policies")
 _SUFFIX = ".onnx"
-_CHECKOUT = Path(__file__).parents[2] / FOLDER
+_CHECKOUT = Path(__file__).parents[3] / FOLDER
 """An installed wheel has no bundles with it"""
 
 

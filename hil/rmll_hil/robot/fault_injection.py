@@ -7,8 +7,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from rmll_hil.faults import fault_plan
-from rmll_hil.faults.fault_plan import Fault, Plan
+from rmll_hil.robot import fault_plan
+from rmll_hil.robot.fault_plan import Fault, Plan
 from rmll_hil.robot.motor_board import BRAKE_KD, MotorBoard
 from rmll_hil.robot.sensors import roll_pitch_yaw
 from rmll_hil.robot.world import World, push
