@@ -51,9 +51,9 @@ def walk(
     """Stand up, walk for ``seconds``, sit down."""
     loaded = load_bundle(bundle)
     emulator = Emulator(settings(conditions, trial.seed), robot=loaded.robot)
-    pilot = FlagOperator(loaded.table.commands, trial.vx, trial.wz, trial.frequency, seconds)
+    operator = FlagOperator(loaded.table.commands, trial.vx, trial.wz, trial.frequency, seconds)
     planned = pushes(trial.seed, seconds) if conditions.pushes else []
-    outcome = lockstep.walk(emulator, loaded, pilot, _pushing(emulator.world, planned))
+    outcome = lockstep.walk(emulator, loaded, operator, _pushing(emulator.world, planned))
     found = summary(outcome, loaded.contract.gait, loaded.robot)
     return WalkMetrics(
         trial, **{name: found[name] for name in WalkMetrics.__dataclass_fields__ if name in found}

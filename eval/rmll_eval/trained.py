@@ -46,9 +46,9 @@ def walks(
     )
     env = GaitEnv(loaded.table, robot, world, trials[0].seed)
     env.fix_commands(torch.tensor([[t.vx, t.wz, t.frequency] for t in trials]))
-    tally = evaluate(actor(bundle), env, round(seconds * hz))
+    sums = evaluate(actor(bundle), env, round(seconds * hz))
     for index, trial in enumerate(trials):
-        own = tally.robot(index)
+        own = sums.robot(index)
         found = own.metrics()
         energy = found["energy_per_metre"]
         yield WalkMetrics(
@@ -76,14 +76,14 @@ def actor(bundle: Path) -> Callable[[TensorDict], Tensor]:
 
     def folded(own: Tensor) -> Tensor:
         turned = own @ weights["turned_states"]
-        seen = _reflected(weights, "observation")(own, turned)
-        return _reflected(weights, "action")(answer(seen), turned)
+        seen = _mirrored(weights, "observation")(own, turned)
+        return _mirrored(weights, "action")(answer(seen), turned)
 
     act = folded if "turned_states" in weights else answer
     return lambda observed: act(observed["policy"])
 
 
-def _reflected(weights: dict[str, Tensor], name: str) -> Mirrored:
+def _mirrored(weights: dict[str, Tensor], name: str) -> Mirrored:
     """The trainer's own folding, with the mirror that the bundle carries."""
     return Mirrored(Mirror(weights[f"{name}.source"].numpy(), weights[f"{name}.sign"].numpy()))
 

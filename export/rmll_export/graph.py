@@ -27,17 +27,17 @@ def build(checkpoint: Checkpoint) -> onnx.ModelProto:
     fold = checkpoint.fold
     seen, estimated, acted = "observation", "estimate", "action"
     if fold is not None:
-        _turned(fold, nodes, weights)
+        _add_mirror_mask(fold, nodes, weights)
         seen, estimated, acted = "seen", "seen_estimate", "seen_action"
-        _reflected(fold, "observation", "observation", seen, nodes, weights)
+        _mirrored(fold, "observation", "observation", seen, nodes, weights)
     _mlp("estimator", checkpoint.estimator, seen, estimated, nodes, weights)
     weights.append(numpy_helper.from_array(_scales(checkpoint.contract), "estimate_scale"))
     nodes.append(helper.make_node("Mul", [estimated, "estimate_scale"], ["scaled_estimate"]))
     nodes.append(helper.make_node("Concat", [seen, "scaled_estimate"], ["policy_input"], axis=1))
     _mlp("policy", checkpoint.policy, "policy_input", acted, nodes, weights)
     if fold is not None:
-        _reflected(fold, "estimate", estimated, "estimate", nodes, weights)
-        _reflected(fold, "action", acted, "action", nodes, weights)
+        _mirrored(fold, "estimate", estimated, "estimate", nodes, weights)
+        _mirrored(fold, "action", acted, "action", nodes, weights)
     graph = helper.make_graph(
         nodes,
         checkpoint.contract.gait,
@@ -74,7 +74,9 @@ def _mlp(
             nodes.append(helper.make_node("Relu", [out], [value]))
 
 
-def _turned(fold: MirrorFold, nodes: list[onnx.NodeProto], weights: list[onnx.TensorProto]) -> None:
+def _add_mirror_mask(
+    fold: MirrorFold, nodes: list[onnx.NodeProto], weights: list[onnx.TensorProto]
+) -> None:
     """``turned`` (1, 1), Boolean: the observation's state is one that is turned."""
     mask = np.zeros((len(fold.mirrors["observation"][0]), 1), np.float32)
     mask[: len(fold.turned_states), 0] = fold.turned_states
@@ -84,7 +86,7 @@ def _turned(fold: MirrorFold, nodes: list[onnx.NodeProto], weights: list[onnx.Te
     nodes.append(helper.make_node("Greater", ["share", "half"], ["turned"]))
 
 
-def _reflected(
+def _mirrored(
     fold: MirrorFold, name: str, source: str, target: str,
     nodes: list[onnx.NodeProto], weights: list[onnx.TensorProto],
 ) -> None:  # fmt: skip

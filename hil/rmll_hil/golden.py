@@ -49,24 +49,24 @@ class Story:
     """What happens in a golden log."""
 
     name: str
-    pilot: Operator
+    operator: Operator
     settings: RuntimeSettings
     plan: tuple[dict[str, Any], ...] = ()
 
 
 class _Until:
-    """A pilot whose time is limited."""
+    """An operator whose time is limited."""
 
-    def __init__(self, pilot: Operator, seconds: float) -> None:
-        self._pilot = pilot
+    def __init__(self, operator: Operator, seconds: float) -> None:
+        self._operator = operator
         self._end = int(seconds * NS)
         self._now = 0
-        self.by_remote = pilot.by_remote
+        self.by_remote = operator.by_remote
         self.complaint = None
 
     def orders(self, now: int, mode: Mode, remote: Remote) -> OperatorCommand:
         self._now = now
-        return self._pilot.orders(now, mode, remote)
+        return self._operator.orders(now, mode, remote)
 
     def finished(self, mode: Mode, fault: str | None) -> bool:
         return self._now >= self._end
@@ -76,23 +76,23 @@ def walk(bundle: Bundle) -> Story:
     """Forward and turning, slow steps and then fast ones, from lying to lying."""
     commands = bundle.table.commands
     low, high = commands.frequency
-    pilot = FlagOperator(
+    operator = FlagOperator(
         commands, 0.4 * commands.vx[1], 0.2 * commands.wz[1], (high, low), seconds=1.0
     )
-    return Story(bundle.contract.gait, pilot, RuntimeSettings(motion=_MOTION))
+    return Story(bundle.contract.gait, operator, RuntimeSettings(motion=_MOTION))
 
 
 def fault(row: FaultRow, bundle: Bundle) -> Story:
     """The fault as in the table, a little earlier."""
     commands = bundle.table.commands
-    pilot = (
+    operator = (
         RemoteOperator(commands, commands.middle_frequency, Steering().deadband)
         if row.remote
         else FlagOperator(commands, vx=0.4)
     )
     return Story(
         FAULT_PREFIX + row.name,
-        _Until(pilot, BEGIN - EARLIER + FAULTS[row.name]),
+        _Until(operator, BEGIN - EARLIER + FAULTS[row.name]),
         RuntimeSettings(motion=_MOTION, safety=msgspec.convert(row.settings, Safety)),
         tuple(
             entry | {"at": entry["at"] - (EARLIER if entry["at"] == BEGIN else 0.0)}
@@ -109,7 +109,7 @@ def record(story: Story, bundle: Bundle, path: Path) -> str | None:
     emulator = Emulator(robot=bundle.robot, plan=plan)
     with log_file(path, about, compact=True) as log:
         outcome = lockstep.walk(
-            emulator, bundle, story.pilot, lambda _: None, log.add, story.settings
+            emulator, bundle, story.operator, lambda _: None, log.add, story.settings
         )
     return outcome.report["fault"]
 

@@ -92,18 +92,18 @@ def onboard(
         return 0
     flags = {"vx": vx, "wz": wz, "frequency": frequency}
     given = {name: value for name, value in flags.items() if value is not None}
-    with _leading(bundle, options, given, seconds, gamepad, commands) as pilot:
-        if options.link.kind == "can" and isinstance(pilot, RemoteOperator):
+    with _leading(bundle, options, given, seconds, gamepad, commands) as operator:
+        if options.link.kind == "can" and isinstance(operator, RemoteOperator):
             raise InputError("--link can: no remote there; lead by --vx, --gamepad or --commands")
-        if isinstance(pilot, RemoteOperator | GamepadOperator) and not json:
+        if isinstance(operator, RemoteOperator | GamepadOperator) and not json:
             print(BUTTONS)
-        return _walk(bundle, options, pilot, record, report, json)
+        return _walk(bundle, options, operator, record, report, json)
 
 
 def _walk(
     bundle: Bundle,
     settings: RuntimeSettings,
-    pilot: Operator,
+    operator: Operator,
     record: Path | None,
     percentiles: bool,
     json: bool,
@@ -119,11 +119,11 @@ def _walk(
         closing(open_link(settings, bundle.robot)) as link,
         closing(SystemdNotifier(os.environ)) as service,
     ):
-        daemon = Daemon(bundle, settings, pilot)
+        daemon = Daemon(bundle, settings, operator)
         realtime.enter(settings.realtime)
-        understudy = CacheWarmer(bundle, settings)
+        cache_warmer = CacheWarmer(bundle, settings)
         keep = recorder and recorder.keep
-        loop = Loop(daemon, link, settings.realtime, keep, service, understudy)
+        loop = Loop(daemon, link, settings.realtime, keep, service, cache_warmer)
         loop.run(settings.link.startup_timeout)
     report = {"gait": bundle.contract.gait} | daemon.report() | loop.report()
     report |= {"record": recorder and recorder.report()}
@@ -146,7 +146,7 @@ def _leading(
     gamepad: Path | None,
     commands: Path | None,
 ) -> Iterator[Operator]:
-    """The one pilot that was asked for; by default it is the person with the remote."""
+    """The one operator that was asked for; by default it is the person with the remote."""
     ranges = bundle.table.commands
     leaders = [f"--{name}" for name in flags]
     leaders += [name for name, value in (("--gamepad", gamepad), ("--commands", commands)) if value]
@@ -157,12 +157,14 @@ def _leading(
     frequency, deadband = ranges.middle_frequency, settings.steering.deadband
     if gamepad:
         device = None if str(gamepad) == "auto" else gamepad
-        with closing(GamepadOperator(open_gamepad(device), ranges, frequency, deadband)) as pilot:
-            yield pilot
+        with closing(
+            GamepadOperator(open_gamepad(device), ranges, frequency, deadband)
+        ) as operator:
+            yield operator
     elif commands:
         silence = settings.steering.silence
-        with closing(SocketOperator(commands, frequency, silence)) as pilot:
-            yield pilot
+        with closing(SocketOperator(commands, frequency, silence)) as operator:
+            yield operator
     elif flags:
         yield FlagOperator(ranges, seconds=seconds, **flags)
     else:

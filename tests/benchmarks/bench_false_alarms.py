@@ -82,7 +82,7 @@ class Extremes:
 
 
 class Wanderer:
-    """A pilot who wants something else every three seconds."""
+    """An operator who wants something else every three seconds."""
 
     by_remote = False
     complaint = None
@@ -140,8 +140,8 @@ def emulated(number: int) -> dict[str, Any]:
 
     SensorMonitor.measure = watched
     try:
-        pilot = Wanderer(bundle.table.commands, EMULATED, number)
-        outcome = lockstep.walk(emulator, bundle, pilot, lambda _: None, settings=settings)
+        operator = Wanderer(bundle.table.commands, EMULATED, number)
+        outcome = lockstep.walk(emulator, bundle, operator, lambda _: None, settings=settings)
     finally:
         SensorMonitor.measure = measure
     report = outcome.report

@@ -33,16 +33,16 @@ def bundle(trot: Path) -> Bundle:
 
 
 @pytest.fixture(scope="session")
-def new_pilot(bundle: Bundle) -> Callable[[], FlagOperator]:
+def new_operator(bundle: Bundle) -> Callable[[], FlagOperator]:
     return lambda: FlagOperator(bundle.table.commands, vx=0.5, seconds=SECONDS)
 
 
 @pytest.fixture(scope="session")
-def walk(bundle: Bundle, new_pilot: Callable[[], FlagOperator]) -> list[Tick]:
+def walk(bundle: Bundle, new_operator: Callable[[], FlagOperator]) -> list[Tick]:
     """Every tick of a walk with physics, from lying to lying."""
     ticks: list[Tick] = []
     emulator = Emulator(EmulatorSettings(), robot=bundle.robot)
-    lockstep.walk(emulator, bundle, new_pilot(), lambda seconds: None, ticks.append)
+    lockstep.walk(emulator, bundle, new_operator(), lambda seconds: None, ticks.append)
     return ticks
 
 

@@ -13,20 +13,20 @@ PACE = 0.005
 """[s] between ticks"""
 
 
-def test_handing_over_a_tick(benchmark, bundle, new_pilot, walk, tell, tmp_path) -> None:
+def test_handing_over_a_tick(benchmark, bundle, new_operator, walk, tell, tmp_path) -> None:
     """Once the command is sent, so that none of it comes between state and command."""
-    daemon = Daemon(bundle, RuntimeSettings(), new_pilot())
+    daemon = Daemon(bundle, RuntimeSettings(), new_operator())
     about = describe(bundle, RuntimeSettings(), real_time=True)
     plain, policy = [], []
 
     def record() -> None:
         with closing(Recorder(tmp_path / "walk.mcap", about, 1000)) as recorder:
-            witness = TickListener(daemon, recorder.keep)
+            listener = TickListener(daemon, recorder.keep)
             for tick in walk[:2000]:
                 time.sleep(PACE)
                 answer = daemon.tick(tick.now, tick.datagrams)
                 began = time.perf_counter_ns()
-                witness.saw(tick.now, tick.datagrams, answer)
+                listener.observe(tick.now, tick.datagrams, answer)
                 took = (time.perf_counter_ns() - began) / 1000
                 (policy if daemon.due else plain).append(took)
         assert recorder.report()["dropped"] == 0

@@ -138,9 +138,9 @@ class Replayed:
 
 
 @pytest.fixture
-def replayed(bundle: Bundle, walk, new_pilot, wire) -> Replayed:
+def replayed(bundle: Bundle, walk, new_operator, wire) -> Replayed:
     """In the midst of walking."""
-    daemon = Daemon(bundle, RuntimeSettings(), new_pilot())
+    daemon = Daemon(bundle, RuntimeSettings(), new_operator())
     replayed = Replayed(daemon, walk, *wire)
     while not daemon.policy_ran:
         replayed.send_state()
@@ -202,9 +202,9 @@ def watch_stages(
     controller, guard, supervisor = daemon.controller, daemon._guard, daemon._supervisor
     stages = {
         "receive": [(link, "receive")],
-        "decode": [(daemon.intake, "take")],
+        "decode": [(daemon.receiver, "take")],
         "guard, supervisor": [
-            *((guard, "complaint"), (guard.obedience, "sent"), (daemon._action_guard, "complaint")),
+            *((guard, "complaint"), (guard.actuators, "sent"), (daemon._action_guard, "complaint")),
             *((supervisor, "update"), (supervisor, "command"), (daemon, "_orders")),
         ],
         "labels, automaton": [(daemon.feet, "step"), (controller._progress, "step")],
@@ -245,15 +245,15 @@ def test_stages_back_to_back(benchmark, tell, replayed: Replayed, monkeypatch) -
 
 @pytest.mark.parametrize("pace", [name for name, pace in PACES.items() if not pace.priority])
 def test_stages_at_the_real_pace(
-    benchmark, tell, monkeypatch, emulated, bundle: Bundle, new_pilot, pace: str
+    benchmark, tell, monkeypatch, emulated, bundle: Bundle, new_operator, pace: str
 ) -> None:
     """In this process; beside :func:`test_tick_at_the_real_pace` it pays for the stopwatch."""
     watch = Stopwatch()
-    daemon = Daemon(bundle, RuntimeSettings(), new_pilot())
+    daemon = Daemon(bundle, RuntimeSettings(), new_operator())
     with emulated() as address, closing(UdpTransport(address)) as link:
         watch_stages(watch, monkeypatch, daemon, link)
-        understudy = CacheWarmer(bundle, RuntimeSettings())
-        loop = Loop(daemon, link, PACES[pace], lambda tick: watch.lap(daemon), None, understudy)
+        cache_warmer = CacheWarmer(bundle, RuntimeSettings())
+        loop = Loop(daemon, link, PACES[pace], lambda tick: watch.lap(daemon), None, cache_warmer)
         benchmark.pedantic(loop.run, args=(5.0,), rounds=1)
     assert daemon.fault is None
     print(f"\n{pace}:", end="")

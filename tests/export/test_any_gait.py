@@ -97,9 +97,9 @@ def trained(table: MachineTable, loudness: float, mistakes: str, folder: Path) -
 def walked(bundle: Bundle) -> dict[str, Any]:
     """What the daemon reports of a second's walk at the end of the gait's commands."""
     commands = bundle.table.commands
-    pilot = FlagOperator(commands, commands.vx[1], commands.wz[0], None, 1.0)
+    operator = FlagOperator(commands, commands.vx[1], commands.wz[0], None, 1.0)
     emulator = Emulator(EmulatorSettings(), robot=bundle.robot, plan=[])
-    return lockstep.walk(emulator, bundle, pilot, lambda _: None).report
+    return lockstep.walk(emulator, bundle, operator, lambda _: None).report
 
 
 # a smaller gait would tell no more, and takes minutes to be found

@@ -79,9 +79,9 @@ def emulator(can: Can) -> Iterator[OnBuses]:
 
 def walk(emulator: OnBuses, can: Can, seconds: float, vx: float = 0.5) -> Outcome:
     bundle = load_bundle(TROT)
-    pilot = FlagOperator(bundle.table.commands, vx, seconds=seconds)
+    operator = FlagOperator(bundle.table.commands, vx, seconds=seconds)
     settings = DaemonSettings(link=LinkSettings(kind="can"), can=can)
-    return lockstep.walk(emulator, bundle, pilot, lambda _: None, settings=settings)
+    return lockstep.walk(emulator, bundle, operator, lambda _: None, settings=settings)
 
 
 def test_the_trot_walks(emulator: OnBuses, can: Can) -> None:

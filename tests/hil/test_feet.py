@@ -51,8 +51,8 @@ def bundle(gait: str = "trot") -> Bundle:
 
 def walk(emulator: Emulator, gait: str = "trot", seconds: float = 5.0, **command) -> Outcome:
     policy = bundle(gait)
-    pilot = FlagOperator(policy.table.commands, **{"vx": 0.5, **command}, seconds=seconds)
-    return lockstep.walk(emulator, policy, pilot, lambda _: None)
+    operator = FlagOperator(policy.table.commands, **{"vx": 0.5, **command}, seconds=seconds)
+    return lockstep.walk(emulator, policy, operator, lambda _: None)
 
 
 def holds(outcome: Outcome, adherence: float = 0.95) -> None:

@@ -98,8 +98,8 @@ def test_a_foot_that_lands_hard_is_not_caught_inside_the_ground(timestep: float)
 
 def test_the_trot_walks_on_rough_ground() -> None:
     robot, bundle = emulator("rough"), load_bundle(TROT)
-    pilot = FlagOperator(bundle.table.commands, vx=0.5, seconds=4.0)
-    outcome = lockstep.walk(robot, bundle, pilot, lambda _: None)
+    operator = FlagOperator(bundle.table.commands, vx=0.5, seconds=4.0)
+    outcome = lockstep.walk(robot, bundle, operator, lambda _: None)
     figures = summary(outcome, "trot", bundle.robot)
     assert figures["seconds"] == 4
     assert figures["distance"] > 1

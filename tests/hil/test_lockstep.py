@@ -18,9 +18,9 @@ PATIENT = onboard.RuntimeSettings(safety=Safety(stuck=100))
 
 def stand(bundle: Path, seed: int = 0) -> Outcome:
     loaded = load_bundle(bundle)
-    pilot = FlagOperator(loaded.table.commands, seconds=1.0)
+    operator = FlagOperator(loaded.table.commands, seconds=1.0)
     emulator = Emulator(EmulatorSettings(seed=seed))
-    return lockstep.walk(emulator, loaded, pilot, lambda _: None, settings=PATIENT)
+    return lockstep.walk(emulator, loaded, operator, lambda _: None, settings=PATIENT)
 
 
 def test_stands_up_and_lies_down_again(standing: Path) -> None:
@@ -62,8 +62,8 @@ def test_a_robot_that_is_knocked_over_has_fallen(standing: Path) -> None:
             emulator.world.data.qvel[3] = 8.0  # roll
 
     loaded = load_bundle(standing)
-    pilot = FlagOperator(loaded.table.commands, seconds=10.0)
-    outcome = lockstep.walk(emulator, loaded, pilot, kick, settings=PATIENT)
+    operator = FlagOperator(loaded.table.commands, seconds=10.0)
+    outcome = lockstep.walk(emulator, loaded, operator, kick, settings=PATIENT)
     figures = summary(outcome, "trot", A1)
     assert figures["fault"].startswith("tilted")
     assert figures["falls"] == 1

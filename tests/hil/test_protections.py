@@ -37,9 +37,9 @@ def steady(
 ) -> dict[str, float | str | None]:
     """The figures of a trot over a bad network."""
     plan = parse_plan([{"fault": "network", **network}], A1)
-    pilot = FlagOperator(bundle.table.commands, 0.5, seconds=seconds)
+    operator = FlagOperator(bundle.table.commands, 0.5, seconds=seconds)
     emulator = Emulator(EmulatorSettings(seed=seed), plan=plan)
-    outcome = lockstep.walk(emulator, bundle, pilot, lambda _: None)
+    outcome = lockstep.walk(emulator, bundle, operator, lambda _: None)
     return metrics.summary(outcome, "trot", A1)
 
 
@@ -104,8 +104,8 @@ def test_a_hundred_thousand_hostile_datagrams(trot: Bundle) -> None:
     """Real sockets, so that those of a stranger are among them; time in lockstep."""
     rng = np.random.default_rng(0)
     hostile, sent = Hostile(rng), 0
-    pilot = FlagOperator(trot.table.commands, 0.5, seconds=12)
-    daemon = Daemon(trot, onboard.RuntimeSettings(motion=Motion(**MOTION)), pilot)
+    operator = FlagOperator(trot.table.commands, 0.5, seconds=12)
+    daemon = Daemon(trot, onboard.RuntimeSettings(motion=Motion(**MOTION)), operator)
     emulator = Emulator()
     board, stranger = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
     with board, stranger:
@@ -117,7 +117,7 @@ def test_a_hundred_thousand_hostile_datagrams(trot: Bundle) -> None:
         while not daemon.finished:
             now = emulator.now_ms * 1_000_000
             emulator.receive(daemon.tick(now, link.receive()))
-            ticks.append(daemon.intake.state.tick)
+            ticks.append(daemon.receiver.state.tick)
             emulator.advance(5, now)
             good = emulator.state_datagram()
             # whoever speaks first is believed; from then on they are many
@@ -134,7 +134,7 @@ def test_a_hundred_thousand_hostile_datagrams(trot: Bundle) -> None:
     assert daemon.report()["adherence"] > 0.9
     assert not emulator.truth()["grounded"][400:-400].any()
     # one good state a tick, and nothing else was believed
-    assert daemon.intake.received == len(ticks) - 1
+    assert daemon.receiver.received == len(ticks) - 1
     assert all(b - a == 5 for a, b in pairwise(ticks[1:]))
     # a state twice, or an old one, is not even looked at beside a good one
-    assert daemon.intake.refused.total() > 10_000
+    assert daemon.receiver.refused.total() > 10_000

@@ -50,11 +50,11 @@ def walked(standing) -> list[Tick]:
     bundle = load_bundle(standing)
     emulator, ticks, datagrams = Emulator(), [], []
     daemon = Daemon(bundle, BRISK, FlagOperator(bundle.table.commands))
-    witness = TickListener(daemon, ticks.append)
+    listener = TickListener(daemon, ticks.append)
     while not daemon.finished:
         now = emulator.now_ms * 1_000_000
         answer = daemon.tick(now, datagrams)
-        witness.saw(now, datagrams, answer)
+        listener.observe(now, datagrams, answer)
         emulator.receive(answer)
         emulator.advance(5, now)
         datagrams = [emulator.state_datagram()]
@@ -189,9 +189,9 @@ def test_a_walk_over_can_replays_too(standing, tmp_path):
     settings = msgspec.structs.replace(BRISK, link=LinkSettings(kind="can"))
     emulator = Emulator(wire=CanRobot(settings.can, A1))
     log = tmp_path / "log.mcap"
-    pilot = FlagOperator(bundle.table.commands, seconds=0.5)
+    operator = FlagOperator(bundle.table.commands, seconds=0.5)
     with log_file(log, describe(bundle, settings, real_time=False)) as file:
-        outcome = lockstep.walk(emulator, bundle, pilot, lambda _: None, file.add, settings)
+        outcome = lockstep.walk(emulator, bundle, operator, lambda _: None, file.add, settings)
     assert outcome.report["policy_steps"] > 20
     found = through(FlightLog(log), standing)
     assert found.identical, found.first
@@ -200,9 +200,9 @@ def test_a_walk_over_can_replays_too(standing, tmp_path):
 def test_a_minute_of_trotting_replays_to_the_byte(tmp_path):
     bundle = load_bundle(TROT)
     log = tmp_path / "log.mcap"
-    pilot = FlagOperator(bundle.table.commands, 0.5, 0.1, 8.0, seconds=60.0)
+    operator = FlagOperator(bundle.table.commands, 0.5, 0.1, 8.0, seconds=60.0)
     with log_file(log, describe(bundle, RuntimeSettings(), real_time=False)) as file:
-        outcome = lockstep.walk(Emulator(), bundle, pilot, lambda _: None, file.add)
+        outcome = lockstep.walk(Emulator(), bundle, operator, lambda _: None, file.add)
     assert outcome.report["policy_steps"] >= 3000
     found = replay(FlightLog(log), bundle, lambda _: None)
     assert found.ticks > 12_000

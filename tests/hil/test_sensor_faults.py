@@ -26,8 +26,8 @@ def walk(*plan: dict) -> Outcome:
     settings = RuntimeSettings(motion=BRISK).over("can")
     robot = CanRobot(settings.can, bundle.robot)
     emulator = Emulator(robot=bundle.robot, plan=parse_plan(list(plan), A1), wire=robot)
-    pilot = FlagOperator(bundle.table.commands, vx=0.4, seconds=2.0)
-    return lockstep.walk(emulator, bundle, pilot, lambda _: None, settings=settings)
+    operator = FlagOperator(bundle.table.commands, vx=0.4, seconds=2.0)
+    return lockstep.walk(emulator, bundle, operator, lambda _: None, settings=settings)
 
 
 def sensors(fault: str, *names: str) -> dict:

@@ -124,19 +124,19 @@ def end(gait: str, seed: int, numb: bool = True, request: Request | None = None)
     Args:
         seed: of the moment, c_f, what the feet tell, and the emulator.
         numb: from the moment on the feet tell always the same.
-        request: what the pilot wants at that moment; None: to walk on.
+        request: what the operator wants at that moment; None: to walk on.
     """
     rng = np.random.default_rng(seed)
     bundle = load_bundle(POLICIES / f"{gait}.onnx")
     commands = bundle.table.commands
     moment, frequency = float(rng.uniform(1.2, 2.5)), float(rng.choice(commands.whole_frequencies))
     emulator = Emulator(EmulatorSettings(seed=seed))
-    pilot = _Ending(FlagOperator(commands, SPEED, 0.0, frequency), moment, request)
+    operator = _Ending(FlagOperator(commands, SPEED, 0.0, frequency), moment, request)
     told = NUMB[seed % len(NUMB)] if numb else None
     with _controller(told, after=int(moment * bundle.contract.policy_hz)):
-        outcome = lockstep.walk(emulator, bundle, pilot, lambda _: None, settings=SETTINGS)
+        outcome = lockstep.walk(emulator, bundle, operator, lambda _: None, settings=SETTINGS)
     truth, report = outcome.truth, outcome.report
-    stopped = truth["time_ns"][-1] if pilot.stopped is None else pilot.stopped
+    stopped = truth["time_ns"][-1] if operator.stopped is None else operator.stopped
     walked = truth["time_ns"] > report["walking_start_ns"]
     watched = truth[walked & (truth["time_ns"] < stopped + AFTER * NS)]
     velocity = truth["velocity"][np.searchsorted(truth["time_ns"], stopped), :2]

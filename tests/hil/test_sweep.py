@@ -18,8 +18,8 @@ TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 def test_the_trot_follows_c_f_from_12_to_6_and_back(tmp_path: Path) -> None:
     bundle = load_bundle(TROT)
     values, seconds = (12.0, 6.0, 12.0), 12.0
-    pilot = FlagOperator(bundle.table.commands, 0.5, 0.0, values, seconds)
-    outcome = lockstep.walk(Emulator(EmulatorSettings(seed=2)), bundle, pilot, lambda _: None)
+    operator = FlagOperator(bundle.table.commands, 0.5, 0.0, values, seconds)
+    outcome = lockstep.walk(Emulator(EmulatorSettings(seed=2)), bundle, operator, lambda _: None)
     assert outcome.report["fault"] is None
     found = sweep.phases(outcome, bundle.table, values, seconds)
     assert [phase["frequency"] for phase in found] == list(values)
@@ -43,10 +43,10 @@ def test_a_walk_that_ends_early_has_figures_of_what_it_reached(standing: Path) -
             emulator.world.data.qvel[3] = 8.0  # roll
 
     values = (12.0, 6.0, 12.0)
-    pilot = FlagOperator(bundle.table.commands, frequency=values, seconds=3.0)
+    operator = FlagOperator(bundle.table.commands, frequency=values, seconds=3.0)
     # a policy that stands makes no transitions
     patient = onboard.RuntimeSettings(safety=Safety(stuck=100))
-    outcome = lockstep.walk(emulator, bundle, pilot, kick, settings=patient)
+    outcome = lockstep.walk(emulator, bundle, operator, kick, settings=patient)
     assert outcome.report["fault"]
     found = sweep.phases(outcome, bundle.table, values, 3.0)
     assert [phase["frequency"] for phase in found] == [12.0, 6.0]

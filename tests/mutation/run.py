@@ -15,17 +15,29 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = {
-    "guard": "test_guard.py",
-    "supervisor": "test_supervisor.py",
-    "intake": "test_intake.py",
-    "obedience": "test_obedience.py",
-    "sensor_monitor": "test_sensor_monitor.py",
-    "presence": "test_presence.py",
-    "remote": "test_remote.py",
-    "stop_sequence": "test_stop_sequence.py",
+    "guard": "safety",
+    "supervisor": "safety",
+    "actuator_monitor": "safety",
+    "sensor_monitor": "safety",
+    "attitude_monitor": "safety",
+    "joint_monitor": "safety",
+    "frozen_values": "safety",
+    "remote_watchdog": "safety",
+    "stop_sequence": "safety",
+    "state_receiver": "interface",
+    "a1_remote": "protocol",
 }
-"""Of onboard/rmll_onboard, and the test of each in tests/onboard"""
-PACKAGES = ("gait_specs/rmll_gaits", "robots/rmll_robots", "contract/rmll_contract")
+"""Of onboard/rmll_onboard, and the room of each; tests/onboard has a test of that name"""
+TESTED_WITH = dict.fromkeys(
+    ("attitude_monitor", "joint_monitor", "frozen_values"), "sensor_monitor"
+)
+"""Parts of another module, which is what is tested"""
+PACKAGES = (
+    "common/rmll_common",
+    "gait_specs/rmll_gaits",
+    "robots/rmll_robots",
+    "contract/rmll_contract",
+)
 KILLED = ("killed", "timeout", "caught by type check")
 LEAST = 0.9
 """Share that has to be killed, of each file"""
@@ -39,9 +51,9 @@ def prepare(folder: Path, module: str) -> None:
         path = ROOT / package
         shutil.copytree(path, folder / "src" / path.name, ignore=ignored)
     (folder / "tests").mkdir()
-    for name in ("conftest.py", MODULES[module]):
+    for name in ("conftest.py", f"test_{TESTED_WITH.get(module, module)}.py"):
         shutil.copy(ROOT / "tests" / "onboard" / name, folder / "tests")
-    mutated = f"src/rmll_onboard/{module}.py"
+    mutated = f"src/rmll_onboard/{MODULES[module]}/{module}.py"
     undecorate(folder / mutated)
     (folder / "pyproject.toml").write_text(
         f"""[tool.mutmut]

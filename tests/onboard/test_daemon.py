@@ -65,8 +65,8 @@ def by_flags(bundle, brisk, robot):
 
 @pytest.fixture
 def by_remote(bundle, brisk, robot):
-    pilot = RemoteOperator(bundle.table.commands, 9, brisk.steering.deadband)
-    return Lockstep(Daemon(bundle, brisk, pilot), robot)
+    operator = RemoteOperator(bundle.table.commands, 9, brisk.steering.deadband)
+    return Lockstep(Daemon(bundle, brisk, operator), robot)
 
 
 def test_a_walk_by_flags_from_start_to_end(by_flags, robot):
@@ -81,7 +81,7 @@ def test_a_walk_by_flags_from_start_to_end(by_flags, robot):
     assert report["transitions"] == pytest.approx(report["allowed"], abs=1.5)
     assert report["adherence"] == pytest.approx(1, abs=0.15)
     assert report["off_spec_contact"] < 0.15  # all feet down for a step at each change
-    assert (daemon.intake.rejected, daemon.intake.lost) == (0, 0)
+    assert (daemon.receiver.rejected, daemon.receiver.lost) == (0, 0)
 
 
 def test_two_runs_send_the_same_bytes(bundle, brisk, robot):
@@ -163,8 +163,8 @@ def test_a_stick_that_is_no_number_is_a_bad_packet_and_damps(by_remote, robot, v
 def test_a_robot_whose_remote_is_no_number_from_the_start_is_not_believed(by_remote, robot):
     bad_stick(robot, math.nan)
     by_remote.run(0.5)
-    assert by_remote.daemon.intake.received == 0
-    assert by_remote.daemon.intake.refused["not finite"] > 50
+    assert by_remote.daemon.receiver.received == 0
+    assert by_remote.daemon.receiver.refused["not finite"] > 50
     assert robot.damped
 
 
@@ -200,7 +200,7 @@ def test_stopping_sits_down_and_finishes(by_flags, robot):
 
 
 class Script:
-    """A pilot who wants what the test sets."""
+    """An operator who wants what the test sets."""
 
     by_remote = False
     complaint = None
@@ -217,10 +217,10 @@ class Script:
 
 def test_commands_reach_the_policy_gradually(bundle, brisk, robot):
     settings = msgspec.structs.replace(brisk, steering=Steering())
-    pilot = Script()
-    lockstep = Lockstep(Daemon(bundle, settings, pilot), robot)
+    operator = Script()
+    lockstep = Lockstep(Daemon(bundle, settings, operator), robot)
     lockstep.run(0.4)
-    pilot.wanted = OperatorCommand(Request.WALK, (1.0, 0.0, 12.0))
+    operator.wanted = OperatorCommand(Request.WALK, (1.0, 0.0, 12.0))
     lockstep.until_walking()
     told = [lockstep.daemon.controller.command.tolist()]
 
@@ -233,29 +233,29 @@ def test_commands_reach_the_policy_gradually(bundle, brisk, robot):
     walk(1.0)
     assert told[0] == pytest.approx([0.04, 0.0, 12.0])  # from rest, at the pace that is wanted
     assert told[-1] == [1.0, 0.0, 12.0]
-    pilot.wanted = OperatorCommand(None, (-9.0, 0.0, 1.0))
+    operator.wanted = OperatorCommand(None, (-9.0, 0.0, 1.0))
     walk(2.0)
     assert told[-1] == [-1.0, 0.0, 6.0]
     limits = Steering().acceleration / 50, Steering().turning / 50, Steering().frequency / 50
     assert (np.abs(np.diff(told, axis=0)) <= np.array(limits) + 1e-9).all()
 
 
-def test_a_pilot_can_damp_for_good(bundle, brisk, robot):
-    pilot = Script()
-    lockstep = Lockstep(Daemon(bundle, brisk, pilot), robot)
+def test_an_operator_can_damp_for_good(bundle, brisk, robot):
+    operator = Script()
+    lockstep = Lockstep(Daemon(bundle, brisk, operator), robot)
     lockstep.run(0.4)
-    pilot.wanted = OperatorCommand(Request.DAMP, (0.0, 0.0, 9.0))
+    operator.wanted = OperatorCommand(Request.DAMP, (0.0, 0.0, 9.0))
     lockstep.run(0.01)
     assert robot.damped
-    pilot.wanted = OperatorCommand(Request.STAND, (0.0, 0.0, 9.0))
+    operator.wanted = OperatorCommand(Request.STAND, (0.0, 0.0, 9.0))
     lockstep.run(1.0)
     assert robot.damped
-    assert lockstep.daemon.fault == "emergency stop by the pilot"
+    assert lockstep.daemon.fault == "emergency stop by the operator"
 
 
 def test_a_program_that_falls_silent_leaves_a_standing_robot(bundle, brisk, robot, tmp_path):
-    pilot = SocketOperator(tmp_path / "commands", frequency=9.0, silence=0.3)
-    lockstep = Lockstep(Daemon(bundle, brisk, pilot), robot)
+    operator = SocketOperator(tmp_path / "commands", frequency=9.0, silence=0.3)
+    lockstep = Lockstep(Daemon(bundle, brisk, operator), robot)
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as program:
         for message in [b'{"request": "stand"}'] * 4 + [b'{"request": "walk", "vx": 0.5}'] * 5:
             program.sendto(message, str(tmp_path / "commands"))
@@ -267,7 +267,7 @@ def test_a_program_that_falls_silent_leaves_a_standing_robot(bundle, brisk, robo
     report = lockstep.daemon.report()
     assert report["fault"] is None
     assert any("no message" in warning for warning in report["warnings"])
-    pilot.close()
+    operator.close()
 
 
 def test_nothing_moves_before_the_robot_was_heard(by_flags, robot):
@@ -342,5 +342,5 @@ def test_hostile_datagrams_change_nothing(bundle, brisk, data):
     )
     for count in range(5):
         daemon.tick((count + 1) * daemon.period, [data.draw(hostile)])
-    intake = daemon.intake
-    assert (intake.received, intake.rejected, intake.lost) == (1, 5, 5)
+    receiver = daemon.receiver
+    assert (receiver.received, receiver.rejected, receiver.lost) == (1, 5, 5)

@@ -137,43 +137,43 @@ def test_a_trigger_that_is_an_axis_is_l2_but_a_right_stick_is_not():
 
 
 def test_it_leads_a_robot(pad):
-    pilot = GamepadOperator(Gamepad(pad), RANGES, 9.0, 0.08)
+    operator = GamepadOperator(Gamepad(pad), RANGES, 9.0, 0.08)
     pad.press(START)
-    assert pilot.orders(0, Mode.DAMPING, Remote()).request is Request.STAND
+    assert operator.orders(0, Mode.DAMPING, Remote()).request is Request.STAND
     pad.press(START, value=0)
     pad.press(SOUTH, DPAD_UP)
     pad.move(Y, 32767)
-    assert pilot.orders(0, Mode.WALKING, Remote()) == OperatorCommand(
+    assert operator.orders(0, Mode.WALKING, Remote()) == OperatorCommand(
         Request.WALK, (-0.5, 0.0, 8.0)
     )
     # held, it counts once
-    assert pilot.orders(0, Mode.WALKING, Remote()).command[2] == 8.0
+    assert operator.orders(0, Mode.WALKING, Remote()).command[2] == 8.0
     pad.press(SOUTH, DPAD_UP, value=0)
     pad.press(EAST)
-    assert pilot.orders(0, Mode.WALKING, Remote()).request is Request.STAND
+    assert operator.orders(0, Mode.WALKING, Remote()).request is Request.STAND
     pad.move(Z, 255)
-    assert pilot.orders(0, Mode.WALKING, Remote()).request is Request.DAMP
+    assert operator.orders(0, Mode.WALKING, Remote()).request is Request.DAMP
 
 
 def test_a_stick_that_strays_at_rest_is_none(pad):
-    pilot = GamepadOperator(Gamepad(pad), RANGES, 9.0, deadband=0.08)
+    operator = GamepadOperator(Gamepad(pad), RANGES, 9.0, deadband=0.08)
     pad.move(Y, 2000)
     pad.move(RX, -2000)
-    assert pilot.orders(0, Mode.WALKING, Remote()).command[:2] == (0, 0)
+    assert operator.orders(0, Mode.WALKING, Remote()).command[:2] == (0, 0)
 
 
 def test_pulled_out_it_ends_the_walk(pad):
-    pilot = GamepadOperator(Gamepad(pad), RANGES, 9.0, 0.08)
+    operator = GamepadOperator(Gamepad(pad), RANGES, 9.0, 0.08)
     pad.press(SOUTH)
     pad.move(Y, -32768)
-    assert pilot.orders(0, Mode.WALKING, Remote()).command[0] == 1.0
+    assert operator.orders(0, Mode.WALKING, Remote()).command[0] == 1.0
     pad.gone = True
     for _ in range(2):
-        assert pilot.orders(0, Mode.WALKING, Remote()) == OperatorCommand(
+        assert operator.orders(0, Mode.WALKING, Remote()) == OperatorCommand(
             Request.STAND, (0.0, 0.0, 9.0)
         )
-    assert pilot.complaint == "the gamepad was unplugged"
-    assert pilot.orders(0, Mode.STANDING, Remote()).request is None
+    assert operator.complaint == "the gamepad was unplugged"
+    assert operator.orders(0, Mode.STANDING, Remote()).request is None
 
 
 def test_without_evdev_one_line_names_the_extra(monkeypatch):

@@ -52,19 +52,19 @@ def daemon(bundle, brisk):
 @pytest.mark.parametrize("pace", [Realtime(), Realtime(early_us=0, rehearse_us=0)], ids=str)
 def test_between_state_and_command_there_is_nothing_else(bundle, brisk, daemon, robot, clock, pace):
     diary = []
-    understudy = CacheWarmer(bundle, brisk)
+    cache_warmer = CacheWarmer(bundle, brisk)
     link = InProcess(robot, diary)
-    loop = Loop(daemon, link, pace, lambda _: diary.append("keep"), None, understudy, clock)
+    loop = Loop(daemon, link, pace, lambda _: diary.append("keep"), None, cache_warmer, clock)
     loop.run(5.0)
     while diary[-1] == "send":  # the farewell
         diary.pop()
-    # before a rehearsal it looks what came, too
+    # before a warm-up it looks what came, too
     ticks = "".join(word[0] for word in diary).replace("rr", "r")
     assert len(ticks) > 30
     assert ticks == "rsk" * (len(ticks) // 3)
     report = loop.report()
     assert daemon.report()["policy_steps"] > 0
-    assert (understudy.report()["policy_steps"] > 0) == (pace.rehearse_us > 0)
+    assert (cache_warmer.report()["policy_steps"] > 0) == (pace.rehearse_us > 0)
     # each look at the clock takes 10 us of virtual time
     assert (report["tick_us"]["p50"], report["tick_us"]["max"]) == (10, 10)
     assert 0 <= report["wake_us"]["max"] <= 30
@@ -168,45 +168,45 @@ def test_a_service_manager_is_kept_informed(daemon, robot, clock, tmp_path):
     assert words.count("WATCHDOG=1") >= 3
 
 
-def lockstep(daemon, robot, understudy=None):
+def lockstep(daemon, robot, cache_warmer=None):
     """A walk with its own clock; returns what was sent."""
     now, sent, datagrams = 0, [], []
     while not daemon.finished:
         now += daemon.period
-        if understudy is not None and daemon.policy_next:
-            understudy.rehearse(now - 1_000_000, datagrams)
+        if cache_warmer is not None and daemon.policy_next:
+            cache_warmer.warm_up(now - 1_000_000, datagrams)
         sent.append(daemon.tick(now, datagrams))
         datagrams = [robot.answer(sent[-1])]
     return sent
 
 
-def test_a_rehearsal_goes_through_policy_ticks_and_changes_no_command(bundle, brisk, robot):
+def test_a_warm_up_goes_through_policy_ticks_and_changes_no_command(bundle, brisk, robot):
     walks = []
-    for understudy in (None, CacheWarmer(bundle, brisk)):
+    for cache_warmer in (None, CacheWarmer(bundle, brisk)):
         robot.__init__()
-        pilot = FlagOperator(bundle.table.commands, vx=0.5, seconds=2.0)
-        daemon = Daemon(bundle, brisk, pilot)
-        walks.append(lockstep(daemon, robot, understudy))
+        operator = FlagOperator(bundle.table.commands, vx=0.5, seconds=2.0)
+        daemon = Daemon(bundle, brisk, operator)
+        walks.append(lockstep(daemon, robot, cache_warmer))
     assert len(walks[0]) > 400
     assert walks[0] == walks[1]
-    assert understudy.fault is None
+    assert cache_warmer.fault is None
     # all but the first one of the walk, and those of its way out
-    assert understudy.report()["policy_steps"] >= daemon.report()["policy_steps"] - 1 > 90
+    assert cache_warmer.report()["policy_steps"] >= daemon.report()["policy_steps"] - 1 > 90
 
 
-def test_an_understudy_of_a_gait_that_only_walks_forwards(bundle, brisk):
+def test_a_cache_warmer_of_a_gait_that_only_walks_forwards(bundle, brisk):
     forwards = Commands(vx=(0.3, 1.0), wz=(0.1, 0.2), frequency=(6.2, 6.4))
     table = dataclasses.replace(bundle.table, commands=forwards)
-    CacheWarmer(dataclasses.replace(bundle, table=table), brisk).rehearse(0, [])
+    CacheWarmer(dataclasses.replace(bundle, table=table), brisk).warm_up(0, [])
 
 
-def test_an_understudy_plays_on_after_a_fault(bundle, brisk, robot):
-    understudy = CacheWarmer(bundle, brisk)
+def test_a_cache_warmer_plays_on_after_a_fault(bundle, brisk, robot):
+    cache_warmer = CacheWarmer(bundle, brisk)
     for count, quaternion in enumerate(([0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])):
-        robot.answer(understudy.damping())
+        robot.answer(cache_warmer.damping())
         robot.state.quaternion[:] = quaternion
-        understudy.rehearse(20_000_000 * (count + 1), [a1_packets.encode_state(robot.state)])
-        assert understudy.policy_ran == (understudy.fault is None) == (count > 0)
+        cache_warmer.warm_up(20_000_000 * (count + 1), [a1_packets.encode_state(robot.state)])
+        assert cache_warmer.policy_ran == (cache_warmer.fault is None) == (count > 0)
 
 
 def test_policy_ticks_are_foreseen(bundle, brisk, robot):
@@ -225,7 +225,7 @@ def test_policy_ticks_are_foreseen(bundle, brisk, robot):
 
 def test_ticks_leave_nothing_for_the_garbage_collector(bundle, brisk, robot):
     daemon = Daemon(bundle, brisk, FlagOperator(bundle.table.commands, vx=0.5))
-    understudy = CacheWarmer(bundle, brisk)
+    cache_warmer = CacheWarmer(bundle, brisk)
     states = np.random.default_rng(0)
     now, datagrams = 0, []
     while not daemon.policy_ran:
@@ -236,7 +236,7 @@ def test_ticks_leave_nothing_for_the_garbage_collector(bundle, brisk, robot):
     try:
         for count in range(80):
             now += daemon.period
-            understudy.rehearse(now, datagrams)
+            cache_warmer.warm_up(now, datagrams)
             answer = robot.answer(daemon.tick(now, datagrams))
             broken = states.bytes(a1_packets.LOW_STATE_LENGTH)
             datagrams = [[answer], [broken], [answer, broken, answer], []][count % 4]

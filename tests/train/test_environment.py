@@ -343,12 +343,12 @@ def test_a_robots_own_sums_are_a_part_of_all() -> None:
     env = make()
     for count in range(40):
         env.step(random_actions(env, count))
-    tally = env.take_tally()
-    one, every = [tally.robot(i).metrics() for i in range(ENVS)], tally.metrics()
-    assert tally.robot(3).steps.tolist() == [40.0]
+    sums = env.take_metrics()
+    one, every = [sums.robot(i).metrics() for i in range(ENVS)], sums.metrics()
+    assert sums.robot(3).steps.tolist() == [40.0]
     for name in ("off_spec_contact", "vx_error", "wz_error", "walk_reward"):
         assert np.mean([metrics[name] for metrics in one]) == pytest.approx(every[name], rel=1e-3)
-    assert env.take_tally().steps.sum() == 0
+    assert env.take_metrics().steps.sum() == 0
 
 
 def test_the_same_power_costs_less_the_more_of_the_wanted_speed_is_reached() -> None:

@@ -73,8 +73,8 @@ def test_a_policy_that_never_learned_the_gait_is_measured_by_all_of_its_rules() 
     """A half_bound rejects standing on all feet; until the demands are strict it only waits."""
     env = GaitEnv(load_gait("half_bound"), A1, EnvSettings(envs=ENVS, mistakes="end"), seed=0)
     assert not env.demands.strict
-    tally = evaluate(lambda _: torch.zeros(ENVS, 12), env, steps=50)
-    assert tally.metrics()["early_ends"] == 1.0
+    sums = evaluate(lambda _: torch.zeros(ENVS, 12), env, steps=50)
+    assert sums.metrics()["early_ends"] == 1.0
     assert env.demands.clearance == env.world.clearance
 
 

@@ -40,11 +40,11 @@ def evaluate(
     settling = env.robot.policy_hz
     for step in range(steps + settling):
         if step == settling:
-            env.take_tally()
+            env.take_metrics()
         actions = actor(env.get_observations())
         env.step(actions)
         after_step(step + 1, actions)
-    return env.take_tally()
+    return env.take_metrics()
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,6 @@ class Judge:
             limits.observe(actions)
             progress(step)
 
-        tally = evaluate(actor, env, self.steps - env.robot.policy_hz, after_step)
-        metrics = tally.metrics()
+        sums = evaluate(actor, env, self.steps - env.robot.policy_hz, after_step)
+        metrics = sums.metrics()
         return Judgement(metrics, shortfalls(metrics, env.table.commands), limits.touched())

@@ -189,7 +189,7 @@ class Run:
         self.steps += taken
         self.seconds += elapsed
 
-        walked = env.take_tally().metrics()
+        walked = env.take_metrics().metrics()
         env.demands.update(walked["adherence"], walked["vx_error"], rollout)
         metrics = walked | {
             "pressure": env.demands.pressure,

@@ -98,7 +98,7 @@ def judged(
 def _daemon(
     row: FaultRow, sock: socket.socket, policy: Path, settings: Path
 ) -> subprocess.Popen[str]:
-    safety = row.settings if row.is_about_time else PATIENT | row.settings
+    safety = row.settings if row.needs_real_time else PATIENT | row.settings
     settings.write_text(yaml.safe_dump({"motion": MOTION, "safety": safety}))
     host, port = sock.getsockname()
     leader = [] if row.remote else ["--vx", str(VX)]

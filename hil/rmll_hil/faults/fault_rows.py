@@ -43,7 +43,7 @@ class FaultRow:
     """What a broken policy says from the fault on; None: the policy is in order"""
 
     @property
-    def is_about_time(self) -> bool:
+    def needs_real_time(self) -> bool:
         """The fault is that the daemon itself is late."""
         return any(name == "SIGSTOP" for _, name in self.signals)
 

@@ -22,15 +22,15 @@ def run(row: FaultRow, trial: FaultTrial, policy: Path) -> tuple[Reaction, int |
     bundle = load_bundle(policy)
     settings = RuntimeSettings(motion=Motion(**MOTION), safety=Safety(**row.settings))
     commands = bundle.table.commands
-    pilot = (
+    operator = (
         RemoteOperator(commands, commands.middle_frequency, settings.steering.deadband)
         if row.remote
         else FlagOperator(commands, vx=VX)
     )
-    daemon = Daemon(bundle, settings, pilot)
+    daemon = Daemon(bundle, settings, operator)
     clock = VirtualTime(trial, trial.signals)
-    understudy = CacheWarmer(bundle, settings)
-    loop = Loop(daemon, clock, settings.realtime, understudy=understudy, clock=clock)
+    cache_warmer = CacheWarmer(bundle, settings)
+    loop = Loop(daemon, clock, settings.realtime, cache_warmer=cache_warmer, clock=clock)
     try:
         loop.run(settings.link.startup_timeout)
         told = daemon.fault or "; ".join(daemon.report()["warnings"])

@@ -19,7 +19,7 @@ from rmll_onboard.state.modes import NS, Mode
 from rmll_onboard.state.robot_state import JOINTS
 
 
-class RecordedPilot:
+class RecordedOperator:
     """Wants at each tick what was wanted then."""
 
     complaint = None
@@ -89,8 +89,8 @@ def replay(log: FlightLog, bundle: Bundle, progress: Callable[[int], None]) -> R
 
     Raises InputError for a log that is damaged or holds no tick.
     """
-    pilot = RecordedPilot()
-    daemon = Daemon(bundle, log.about.daemon_settings(), pilot)
+    operator = RecordedOperator()
+    daemon = Daemon(bundle, log.about.daemon_settings(), operator)
     found = Replay(remarks=_remarks(log, bundle))
     began = None
     for tick in log.ticks():
@@ -100,8 +100,8 @@ def replay(log: FlightLog, bundle: Bundle, progress: Callable[[int], None]) -> R
             found.not_compared += 1
             continue
         began = tick.now if began is None else began
-        pilot.wanted = OperatorCommand(tick.request, tick.command)
-        pilot.by_remote = tick.by_remote
+        operator.wanted = OperatorCommand(tick.request, tick.command)
+        operator.by_remote = tick.by_remote
         daemon.stopping = tick.stopping
         answer = daemon.tick(tick.now, tick.datagrams)
         found.ticks += 1

@@ -109,11 +109,11 @@ class Emulator:
         self.sent = 0
         self._energy = 0.0
         self._truth: list[tuple] = []
-        self._sabotage = FaultInjector((), self.world, self.board, robot)
+        self._injector = FaultInjector((), self.world, self.board, robot)
         self._settle(settings)
         rng = np.random.default_rng(settings.seed)
         self.sensors = Sensors(self.world, noise or Noise(), rng, feet)
-        self._sabotage = FaultInjector(plan, self.world, self.board, robot)
+        self._injector = FaultInjector(plan, self.world, self.board, robot)
         # randomness of its own, so that a plan does not change the sensors' noise
         chance = np.random.default_rng((settings.seed, 1))
         self.to_robot = LossyChannel(plan, "to_robot", chance)
@@ -134,7 +134,7 @@ class Emulator:
 
     def follow(self, plan: Plan) -> None:
         """Have another plan from now on; its times are of the robot's clock."""
-        self._sabotage = FaultInjector(plan, self.world, self.board, self._robot)
+        self._injector = FaultInjector(plan, self.world, self.board, self._robot)
         self.world.data.xfrc_applied[:] = 0.0  # a push that the plan before has not ended
         self.to_robot.follow(plan)
         self.from_robot.follow(plan)
@@ -158,7 +158,7 @@ class Emulator:
     def state_datagram(self) -> bytes:
         """Measure, and return what the board sends."""
         self.sent += 1
-        return self._sabotage.rewrite(self.wire.tell(self._measure()), self.now_ms)
+        return self._injector.rewrite(self.wire.tell(self._measure()), self.now_ms)
 
     def advance(self, milliseconds: int, time_ns: int) -> None:
         """Let time pass; ``time_ns`` is the caller's clock at the beginning, for the truth.
@@ -170,7 +170,7 @@ class Emulator:
             if self.now_ms % TRUTH_MS == 0:
                 self._truth.append(self._sample(time_ns + passed * 1_000_000))
             self.board.update(self.now_ms)
-            self._sabotage.before_step(self.now_ms)
+            self._injector.before_step(self.now_ms)
             mujoco.mj_step(world.model, world.data)
             self._energy += float(np.abs(world.torque) @ np.abs(world.dq)) * STEP_MS * 1e-3
             self.now_ms += STEP_MS
@@ -188,7 +188,7 @@ class Emulator:
 
     def _measure(self) -> RobotState:
         state = self.sensors.read(self.board.mode, self.now_ms)
-        self._sabotage.distort(state, self.now_ms)
+        self._injector.distort(state, self.now_ms)
         return state
 
     def _sample(self, time_ns: int) -> tuple:

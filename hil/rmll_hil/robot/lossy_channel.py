@@ -40,7 +40,7 @@ class LossyChannel:
         copies = [(float(now_ms), datagram)]
         for fault in self._faults:
             if fault.active(now_ms):
-                copies = [late for due, copy in copies for late in self._suffer(fault, due, copy)]
+                copies = [late for due, copy in copies for late in self._impair(fault, due, copy)]
         for due, copy in copies:
             heappush(self._under_way, (due, next(self._order), copy, sender))
 
@@ -52,7 +52,7 @@ class LossyChannel:
             came.append((datagram, sender))
         return came
 
-    def _suffer(
+    def _impair(
         self, fault: fault_plan.Network, due: float, datagram: bytes
     ) -> list[tuple[float, bytes]]:
         """What becomes of a datagram: when it arrives, and as what."""

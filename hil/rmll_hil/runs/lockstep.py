@@ -22,7 +22,7 @@ from rmll_onboard.state.modes import NS
 def walk(
     emulator: Emulator,
     bundle: Bundle,
-    pilot: Operator,
+    operator: Operator,
     progress: Callable[[float], None],
     record: Callable[[Tick], None] | None = None,
     settings: RuntimeSettings = RuntimeSettings(),  # noqa: B008 - frozen
@@ -42,29 +42,29 @@ def walk(
         if record is not None:
             record(tick)
 
-    daemon = Daemon(bundle, settings, pilot)
+    daemon = Daemon(bundle, settings, operator)
     prepare(daemon)
-    witness = TickListener(daemon, keep)
+    listener = TickListener(daemon, keep)
     period_ms = daemon.period // 1_000_000
     began = time.perf_counter()
     datagrams: list[bytes] = []
     while not daemon.finished:
         now = emulator.now_ms * 1_000_000
         answer = daemon.tick(now, datagrams)
-        witness.saw(now, datagrams, answer)
+        listener.observe(now, datagrams, answer)
         datagrams = _period(emulator, answer, period_ms)
         if daemon.policy_ran:
             progress(now / NS)
-    for _ in range(int(daemon.intake.farewell * NS / daemon.period)):
+    for _ in range(int(daemon.receiver.farewell * NS / daemon.period)):
         _period(emulator, daemon.damping(), period_ms)
     if daemon.fault:
         emulator.advance(int(AFTERMATH * 1000), emulator.now_ms * 1_000_000)
     wall = time.perf_counter() - began
     packets = {
         "sent": emulator.to_robot.sent,
-        "received": daemon.intake.received,
-        "rejected": daemon.intake.rejected,
-        "lost": daemon.intake.lost,
+        "received": daemon.receiver.received,
+        "rejected": daemon.receiver.rejected,
+        "lost": daemon.receiver.lost,
     }
     # not measured: there is no real time here
     timings = dict.fromkeys(("tick_us", "wake_us", "rss_mb", "timekeeping"))

@@ -58,14 +58,18 @@ def run(
     prove(bundle)
     commands = bundle.table.commands
     vx = nearest(USUAL_SPEED, commands.vx) if vx is None else vx
-    pilot = FlagOperator(commands, vx, wz, frequency, seconds)
+    operator = FlagOperator(commands, vx, wz, frequency, seconds)
     folder = run_folder.folder(out, bundle.contract.gait)
     try:
         with _progress(bundle.contract.gait, seconds) as progress:
             if in_lockstep:
-                outcome = _lockstep(bundle, pilot, settings, daemon, plan, folder / LOG, progress)
+                outcome = _lockstep(
+                    bundle, operator, settings, daemon, plan, folder / LOG, progress
+                )
             else:
-                outcome = _realtime(policy, pilot, settings, daemon, faults, folder / LOG, progress)
+                outcome = _realtime(
+                    policy, operator, settings, daemon, faults, folder / LOG, progress
+                )
     except KeyboardInterrupt:
         shutil.rmtree(folder)
         raise
@@ -74,10 +78,10 @@ def run(
             folder.rmdir()
         raise
     summary = metrics.summary(outcome, bundle.contract.gait, bundle.robot)
-    pace = " ".join(f"{value:g}" for value in pilot.frequencies)
-    title = f"{bundle.contract.gait}, {pilot.vx:g} m/s, {pilot.wz:g} rad/s, c_f {pace}"
-    if len(pilot.frequencies) > 1:
-        found = sweep.phases(outcome, bundle.table, pilot.frequencies, seconds)
+    pace = " ".join(f"{value:g}" for value in operator.frequencies)
+    title = f"{bundle.contract.gait}, {operator.vx:g} m/s, {operator.wz:g} rad/s, c_f {pace}"
+    if len(operator.frequencies) > 1:
+        found = sweep.phases(outcome, bundle.table, operator.frequencies, seconds)
         summary["phases"] = found
         if found:
             sweep.draw(folder / "frequency.png", outcome, found, title)
@@ -101,7 +105,7 @@ def run(
 
 def _lockstep(
     bundle: Bundle,
-    pilot: FlagOperator,
+    operator: FlagOperator,
     settings: EmulatorSettings,
     daemon: onboard.RuntimeSettings,
     plan: Plan,
@@ -112,21 +116,21 @@ def _lockstep(
     emulator = Emulator(settings, robot=bundle.robot, plan=plan, wire=wire)
     about = describe(bundle, daemon, real_time=False)
     with log_file(record, about) as log:
-        return lockstep.walk(emulator, bundle, pilot, progress, log.add, daemon)
+        return lockstep.walk(emulator, bundle, operator, progress, log.add, daemon)
 
 
 def _realtime(
     policy: Path,
-    pilot: FlagOperator,
+    operator: FlagOperator,
     settings: EmulatorSettings,
     daemon: onboard.RuntimeSettings,
     faults: Path | None,
     record: Path,
     progress: Callable[[float], None],
 ) -> Outcome:
-    values = {"vx": pilot.vx, "wz": pilot.wz, "seconds": pilot.seconds}
+    values = {"vx": operator.vx, "wz": operator.wz, "seconds": operator.seconds}
     flags = [text for name, value in values.items() for text in (f"--{name}", str(value))]
-    flags += ["--frequency", *map(str, pilot.frequencies)]
+    flags += ["--frequency", *map(str, operator.frequencies)]
     onboard_flags = ["--policy", str(policy), *flags]
     if daemon.link.kind == "can":
         daemon = replace(daemon, can=on_free_ports(daemon.can))

@@ -121,11 +121,11 @@ class GamepadOperator:
     ) -> None:
         self.complaint: str | None = None
         self._gamepad = gamepad
-        self._pilot = RemoteOperator(commands, frequency, deadband)
+        self._operator = RemoteOperator(commands, frequency, deadband)
 
     def orders(self, now: int, mode: Mode, remote: Remote) -> OperatorCommand:
         pressed = self._gamepad.read()
-        orders = self._pilot.orders(now, mode, pressed)
+        orders = self._operator.orders(now, mode, pressed)
         if pressed.emergency_stop:
             return orders._replace(request=Request.DAMP)
         if not self._gamepad.plugged_in:

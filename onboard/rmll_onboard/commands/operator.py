@@ -17,7 +17,7 @@ SECONDS = 0.02, 1e6
 
 
 class OperatorCommand(NamedTuple):
-    """A pilot's wish at one instant."""
+    """An operator's wish at one instant."""
 
     request: Request | None
     command: tuple[float, float, float]

@@ -10,7 +10,7 @@ Command = tuple[float, float, float]
 
 
 class CommandRateLimiter:
-    """What the policy is told, on the way to what the pilot wants. Pure; once a policy step."""
+    """What the policy is told, on the way to what the operator wants. Pure; once a policy step."""
 
     def __init__(self, trained: Commands, steering: Steering, policy_hz: int) -> None:
         self._limits = trained.vx, trained.wz, trained.frequency

@@ -87,7 +87,7 @@ class StateReceiver:
         fresh = whole = False
         for datagram in self._newest_first(datagrams):
             try:
-                self._believe(now, datagram)
+                self._accept(now, datagram)
             except BadPacket as bad:
                 self.refused[bad.reason] += 1
                 whole = whole or bad.reason not in BROKEN
@@ -110,7 +110,7 @@ class StateReceiver:
             return 0
         return (peek_tick(datagram) - self._tick + 0x80000000 & 0xFFFFFFFF) - 0x80000000
 
-    def _believe(self, now: int, datagram: bytes) -> None:
+    def _accept(self, now: int, datagram: bytes) -> None:
         """Take the state; raises BadPacket."""
         if self._tick is not None:
             self._check_order(now, datagram)

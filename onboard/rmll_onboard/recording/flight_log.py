@@ -118,7 +118,7 @@ class FlightLog:
         self.lost: int | None = None
         """Messages that were there and cannot be read; None if the file does not tell"""
         self._path = path
-        self.about = self._about()
+        self.about = self._metadata()
 
     def ticks(self) -> Iterator[Tick]:
         """All whole ticks, without the daemon's inside; raises InputError for a strange one.
@@ -152,7 +152,7 @@ class FlightLog:
                     inside = decoder.decode(message.data)
                 yield inside
 
-    def _about(self) -> LogMetadata:
+    def _metadata(self) -> LogMetadata:
         with self._open() as file:
             if file.read(len(mcap_reader.MAGIC)) != mcap_reader.MAGIC:
                 raise InputError(f"{self.source}: not an MCAP file")
@@ -161,7 +161,7 @@ class FlightLog:
                     with self._checking("its metadata"):
                         name, entries = mcap_reader.metadata(body)
                         if name == METADATA:
-                            return _about(entries)
+                            return _metadata(entries)
         raise InputError(f"{self.source}: not a log: no {METADATA!r} entry in its metadata")
 
     def _messages(self) -> "Iterator[tuple[str, Message | None]]":
@@ -223,7 +223,7 @@ class FlightLog:
             raise InputError(f"{self.source}: {what} cannot be read: {error}") from error
 
 
-def _about(entries: dict[str, str]) -> LogMetadata:
+def _metadata(entries: dict[str, str]) -> LogMetadata:
     plain = {name: msgspec.json.decode(text) for name, text in entries.items()}
     if plain.get("format") != FORMAT:
         raise ValueError(f"format {plain.get('format')!r}, this rmll reads {FORMAT}")

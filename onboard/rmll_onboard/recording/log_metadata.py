@@ -39,7 +39,7 @@ class LogMetadata(msgspec.Struct, frozen=True):
     columns: list[str]
     """Names of the numbers in :attr:`rmll_onboard.recording.telemetry.Inside.values`"""
     arguments: list[str]
-    """Of the program that recorded, the pilot's flags among them"""
+    """Of the program that recorded, the operator's flags among them"""
     versions: dict[str, str]
     """Of what computed: interpreter, libraries, processor"""
     started: str

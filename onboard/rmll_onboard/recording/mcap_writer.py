@@ -5,7 +5,7 @@ topic               encoding holds
 =================== ======== =============================================================
 /state_datagram     raw      what came from the robot, none or more a tick
 /command_datagram   raw      what was sent, one a tick; the tick is whole when it is there
-/orders             JSON     what the pilot wants, whenever that changes
+/orders             JSON     what the operator wants, whenever that changes
 /inside             JSON     the daemon's inside at 50 Hz
 =================== ======== =============================================================
 

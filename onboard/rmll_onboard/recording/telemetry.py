@@ -46,10 +46,10 @@ class Tick(msgspec.Struct, frozen=True, array_like=True, gc=False):
     answer: bytes
     """The datagram to the robot"""
     request: Request | None
-    """The pilot's, and so is the command"""
+    """The operator's, and so is the command"""
     command: tuple[float, float, float]
     by_remote: bool
-    """The pilot is who holds the wireless remote"""
+    """The operator is who holds the wireless remote"""
     stopping: bool
     """The program was told to end"""
     inside: ControllerSample | None

@@ -1,7 +1,7 @@
 """A daemon that nobody hears: it goes through a policy tick shortly before the real one does.
 
 In the 20 ms since the last policy tick most of its code and the network's weights have left the
-processor's caches, and without them it takes more than twice as long. The understudy brings them
+processor's caches, and without them it takes more than twice as long. The cache warmer brings them
 back: the same code on the same datagrams, with a state of its own, and no effect.
 """
 
@@ -17,7 +17,7 @@ from rmll_onboard.settings.runtime_settings import RuntimeSettings
 from rmll_onboard.state.modes import Mode
 
 _CALM = {"torque_error": 100.0, "stale_ms": 1000.0, "missed_ticks": 400, "stuck": 100.0}
-"""Safety settings: no motor obeys an understudy, and it only plays while a robot walks,
+"""Safety settings: no motor obeys a cache warmer, and it only plays while a robot walks,
 also to its stop"""
 
 
@@ -34,7 +34,7 @@ class CacheWarmer(Daemon):
             FlagOperator(ranges, ranges.vx[0], ranges.wz[0], ranges.frequency[0]),
         )
 
-    def rehearse(self, now: int, datagrams: Sequence[bytes]) -> None:
+    def warm_up(self, now: int, datagrams: Sequence[bytes]) -> None:
         """Go through a policy tick with what came since the last one."""
         supervisor = self._supervisor
         supervisor.mode, supervisor.fault = Mode.WALKING, None

@@ -33,7 +33,7 @@ _REFUSAL_NS = 2_000_000_000
 class Daemon:
     """One gait on one robot."""
 
-    def __init__(self, bundle: Bundle, settings: RuntimeSettings, pilot: Operator) -> None:
+    def __init__(self, bundle: Bundle, settings: RuntimeSettings, operator: Operator) -> None:
         contract = bundle.contract
         self.period = NS // contract.control_hz
         """[ns] between two ticks"""
@@ -42,17 +42,17 @@ class Daemon:
         self.due = False
         """It was at the policy's rate, walking or not"""
         self.orders = OperatorCommand(None, (0.0, 0.0, 0.0))
-        """What the pilot wanted at the last tick"""
+        """What the operator wanted at the last tick"""
         self.controller = Controller(bundle)
-        self.intake, self._encode = open_wire(settings, bundle.robot)
+        self.receiver, self._encode = open_wire(settings, bundle.robot)
         """The robot's newest state, and counts of what came"""
         self.stopping = False
-        """Sit down and finish, whatever the pilot wants; set it to stop"""
-        self.pilot = pilot
+        """Sit down and finish, whatever the operator wants; set it to stop"""
+        self.operator = operator
         self._joints = bundle.joints
         self._decimation = contract.control_hz // contract.policy_hz
         self._countdown = 0
-        self.feet = ContactEstimator(settings.feet, bundle.robot, self.intake.streams.feet)
+        self.feet = ContactEstimator(settings.feet, bundle.robot, self.receiver.streams.feet)
         """Which feet touch the ground"""
         walk_pose = np.empty(len(self._joints))
         walk_pose[self._joints] = contract.default_pose
@@ -61,29 +61,29 @@ class Daemon:
             bundle.robot, settings, walk_pose, (contract.kp, contract.kd), contract.torque_limit
         )
         safety = settings.safety
-        self._guard = Guard(bundle.robot, safety, self.intake, self.period)
+        self._guard = Guard(bundle.robot, safety, self.receiver, self.period)
         self._action_guard = ActionGuard(contract.action_clip, safety.action_steps)
         self._monitor = GaitMonitor(bundle.table, safety.stuck)
-        self._presence = RemoteWatchdog(safety, settings.steering.deadband)
+        self._watchdog = RemoteWatchdog(safety, settings.steering.deadband)
         self._unready_since: int | None = None
         self._walk = WalkStatistics(bundle)
         self._stop = StopSequence(bundle.table, settings.motion.slow_down)
-        self._slew = CommandRateLimiter(
+        self._limiter = CommandRateLimiter(
             bundle.table.commands, settings.steering, contract.policy_hz
         )
 
     def tick(self, now: int, datagrams: Sequence[bytes]) -> bytes:
         """Answer what came since the last call, at ``now`` [ns, monotonic]; never raises."""
-        state, supervisor = self.intake.state, self._supervisor
-        fresh = self.intake.take(now, datagrams, resting=supervisor.mode is Mode.DAMPING)
+        state, supervisor = self.receiver.state, self._supervisor
+        fresh = self.receiver.take(now, datagrams, resting=supervisor.mode is Mode.DAMPING)
         gravity = projected_gravity(state.quaternion)
         if fresh:
             self.feet.measured(now, state.dq)
         pressed = a1_remote.decode(state.remote)
         if pressed.emergency_stop:
             supervisor.trip("emergency stop on the remote")
-        if self.intake.fault:
-            supervisor.trip(self.intake.fault)
+        if self.receiver.fault:
+            supervisor.trip(self.receiver.fault)
         before = supervisor.mode
         orders = self._ready(now, before, self._orders(now, before, pressed))
         moving, walking = before is not Mode.DAMPING, before is Mode.WALKING
@@ -92,20 +92,20 @@ class Daemon:
         if mode is Mode.WALKING and before is not Mode.WALKING:
             self.controller.reset()
             self.feet.reset()
-            self._slew.reset(orders.command)
+            self._limiter.reset(orders.command)
             self._countdown = 0
         self.due = self._countdown == 0
         self._countdown = (self._countdown or self._decimation) - 1
         self.policy_ran = self.due and mode is Mode.WALKING
         if self.policy_ran:
-            self._step_policy(gravity, self._slew.step(orders.command))
+            self._step_policy(gravity, self._limiter.step(orders.command))
             if not self._stop.under_way:
                 self._walk.count(now, self.controller)
-        elif self.due and self.intake.received:
+        elif self.due and self.receiver.received:
             self.feet.rest(mode, state, gravity)
         command = supervisor.command(now, state, self._target)
-        self._guard.obedience.sent(command)
-        return self.intake.opening() or self._encode(command)
+        self._guard.actuators.sent(command)
+        return self.receiver.opening() or self._encode(command)
 
     @property
     def policy_next(self) -> bool:
@@ -121,7 +121,7 @@ class Daemon:
         """The program may end: the robot lies damped and nobody wants more of it."""
         mode, fault = self._supervisor.mode, self._supervisor.fault
         stopped = self.stopping and mode is Mode.DAMPING
-        return stopped or self.pilot.finished(mode, fault)
+        return stopped or self.operator.finished(mode, fault)
 
     @property
     def mode(self) -> Mode:
@@ -133,7 +133,7 @@ class Daemon:
 
     def report(self) -> dict[str, Any]:
         """What was walked, and the fault that ended it, as plain numbers."""
-        refused = {str(reason): count for reason, count in self.intake.refused.items()}
+        refused = {str(reason): count for reason, count in self.receiver.refused.items()}
         return self._walk.report() | {
             "fault": self.fault,
             "warnings": self._guard.warnings,
@@ -143,13 +143,13 @@ class Daemon:
         }
 
     def _orders(self, now: int, mode: Mode, pressed: a1_remote.Remote) -> OperatorCommand:
-        """The pilot's, unless there is reason to do something else."""
-        orders = self.orders = self.pilot.orders(now, mode, pressed)
-        if complaint := self.pilot.complaint:
+        """The operator's, unless there is reason to do something else."""
+        orders = self.orders = self.operator.orders(now, mode, pressed)
+        if complaint := self.operator.complaint:
             self._guard.warn(complaint)
         if orders.request is Request.DAMP:
-            self._supervisor.trip("emergency stop by the pilot")
-        if not self.intake.received:
+            self._supervisor.trip("emergency stop by the operator")
+        if not self.receiver.received:
             return orders._replace(request=None)
         if self.stopping or self._remote_lost(now, mode):
             orders = orders._replace(request=Request.SIT)
@@ -166,12 +166,12 @@ class Daemon:
             return orders
         since = self._unready_since = self._unready_since or now
         if now - since > _REFUSAL_NS:
-            told = f" ({self.intake.refusals})" if self.intake.rejected else ""
+            told = f" ({self.receiver.refusals})" if self.receiver.rejected else ""
             self._supervisor.trip(f"refused to stand up: {doubt}{told}")
         return orders._replace(request=None)
 
     def _remote_lost(self, now: int, mode: Mode) -> bool:
-        lost = self._presence.lost(now, self.intake.state.remote) and self.pilot.by_remote
+        lost = self._watchdog.lost(now, self.receiver.state.remote) and self.operator.by_remote
         if lost and mode in (Mode.STANDING_UP, Mode.STANDING, Mode.WALKING):
             self._guard.warn("the remote was lost")
         return lost
@@ -188,7 +188,7 @@ class Daemon:
         return stuck
 
     def _step_policy(self, gravity: np.ndarray, command: tuple[float, float, float]) -> None:
-        state, joints = self.intake.state, self._joints
+        state, joints = self.receiver.state, self._joints
         sensed = PolicyInput(state.q[joints], state.dq[joints], gravity, state.gyro)
         touching, clear = self.feet.step(
             state,

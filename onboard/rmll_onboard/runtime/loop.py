@@ -39,12 +39,12 @@ class Loop:
         pace: Realtime,
         keep: Callable[[Tick], None] | None = None,
         service: SystemdNotifier | None = None,
-        understudy: CacheWarmer | None = None,
+        cache_warmer: CacheWarmer | None = None,
         clock: Clock = time,
     ) -> None:
         """``keep`` is given every tick once its command is sent; it must neither wait nor raise.
 
-        ``service`` is told that we are alive. ``understudy`` rehearses, as ``pace`` says.
+        ``service`` is told that we are alive. ``cache_warmer`` rehearses, as ``pace`` says.
         ``clock`` is real time unless a simulation has its own.
         """
         self.stopped_by: signal.Signals | None = None
@@ -52,9 +52,9 @@ class Loop:
         self._daemon = daemon
         self._link = link
         self._early = pace.early_us * 1000
-        self._rehearsal = pace.rehearse_us * 1000
-        self._understudy = understudy if pace.rehearse_us else None
-        self._witness = None if keep is None else TickListener(daemon, keep)
+        self._warmup = pace.rehearse_us * 1000
+        self._cache_warmer = cache_warmer if pace.rehearse_us else None
+        self._listener = None if keep is None else TickListener(daemon, keep)
         self._service = service or SystemdNotifier({})
         self._timing = Timing()
         self._clock = clock
@@ -77,13 +77,13 @@ class Loop:
 
     def report(self) -> dict[str, Any]:
         """How well time was kept, see :class:`Timing`, and datagram counts."""
-        intake = self._daemon.intake
+        receiver = self._daemon.receiver
         return self._timing.report() | {
             "packets": {
                 "sent": self._sent,
-                "received": intake.received,
-                "rejected": intake.rejected,
-                "lost": intake.lost,
+                "received": receiver.received,
+                "rejected": receiver.rejected,
+                "lost": receiver.lost,
             },
         }
 
@@ -109,8 +109,8 @@ class Loop:
             timing.missed += missed
             deadline += missed * period
             self._look_around(now, datagrams, answer)
-            if not daemon.intake.received and now > give_up:
-                missing = f": nothing from {who}" if (who := daemon.intake.missing) else ""
+            if not daemon.receiver.received and now > give_up:
+                missing = f": nothing from {who}" if (who := daemon.receiver.missing) else ""
                 raise Failure(
                     f"no answer from the robot at {link.name} in {startup_timeout:g} s{missing}"
                 )
@@ -118,19 +118,19 @@ class Loop:
     def _wait(self, deadline: int) -> list[bytes]:
         """Sleep, but not up to the deadline: waking up takes time, and so do cold caches.
 
-        Returns the datagrams that a rehearsal was given; the tick itself is still to see them.
+        Returns the datagrams that a warm-up was given; the tick itself is still to see them.
         """
         monotonic_ns = self._clock.monotonic_ns
         early: list[bytes] = []
-        if self._understudy is not None and self._daemon.policy_next:
-            self._sleep_until(deadline - self._early - self._rehearsal)
+        if self._cache_warmer is not None and self._daemon.policy_next:
+            self._sleep_until(deadline - self._early - self._warmup)
             early = self._link.receive()
             began = monotonic_ns()
-            self._understudy.rehearse(began, early)
+            self._cache_warmer.warm_up(began, early)
             done = monotonic_ns()
             # once more if there is time: what has been seen twice is foreseen by the processor
             if done + (done - began) < deadline:
-                self._understudy.rehearse(done, early)
+                self._cache_warmer.warm_up(done, early)
         else:
             self._sleep_until(deadline - self._early)
         while monotonic_ns() < deadline:
@@ -143,9 +143,9 @@ class Loop:
     def _look_around(self, now: int, datagrams: list[bytes], answer: bytes) -> None:
         """All that is not between the robot's state and its command."""
         self._sent += 1
-        if self._witness is not None:
-            self._witness.saw(now, datagrams, answer)
-        if self._daemon.intake.received:
+        if self._listener is not None:
+            self._listener.observe(now, datagrams, answer)
+        if self._daemon.receiver.received:
             self._service.ready()
             self._service.alive(now)
         self._timing.look_at_memory(now)
@@ -153,7 +153,7 @@ class Loop:
 
     def _farewell(self) -> None:
         frame = self._daemon.damping()
-        for _ in range(int(self._daemon.intake.farewell * NS / self._daemon.period)):
+        for _ in range(int(self._daemon.receiver.farewell * NS / self._daemon.period)):
             self._link.send(frame)
             self._sent += 1
             self._clock.sleep(self._daemon.period / NS)

@@ -16,7 +16,7 @@ class TickListener:
         self._keep = keep
         self._number = 0
 
-    def saw(self, now: int, datagrams: Sequence[bytes], answer: bytes) -> None:
+    def observe(self, now: int, datagrams: Sequence[bytes], answer: bytes) -> None:
         """The daemon has just answered."""
         daemon = self._daemon
         request, command = daemon.orders
@@ -24,7 +24,7 @@ class TickListener:
         self._keep(
             Tick(
                 self._number, now, list(datagrams), answer, request, command,
-                daemon.pilot.by_remote, daemon.stopping, inside,
+                daemon.operator.by_remote, daemon.stopping, inside,
             )
         )  # fmt: skip
         self._number += 1

@@ -72,17 +72,17 @@ class PatientCheck:
 class Guard:
     """All checks of the robot, the wire and the clock; cheap enough for every tick."""
 
-    def __init__(self, robot: Robot, safety: Safety, intake: StateReceiver, period: int) -> None:
+    def __init__(self, robot: Robot, safety: Safety, receiver: StateReceiver, period: int) -> None:
         """``period`` [ns] is a tick's."""
         self.warnings: list[str] = []
         """What was no fault; the first hundred"""
-        self.obedience = ActuatorMonitor(
+        self.actuators = ActuatorMonitor(
             safety.torque_error, safety.obedience_ms * 1e6 / period, robot
         )
-        self.sensors = SensorMonitor(robot, safety, intake.streams, intake.tick_seconds)
+        self.sensors = SensorMonitor(robot, safety, receiver.streams, receiver.tick_seconds)
         self._names = robot.joint_names
         self._safety = safety
-        self._intake = intake
+        self._receiver = receiver
         self._period = period
         self._middle = (robot.joint_upper + robot.joint_lower) / 2
         self._reach = (robot.joint_upper - robot.joint_lower) / 2
@@ -112,7 +112,7 @@ class Guard:
         What was measured is judged when it is new; later only its age counts.
         """
         if seen.fresh:
-            self.obedience.measure(seen.state)
+            self.actuators.measure(seen.state)
             self.sensors.measure(seen.now, seen.state, seen.moving, seen.walking)
             self._beyond = np.abs(seen.state.q - self._middle) - self._reach
             self._speed = np.abs(seen.state.dq)
@@ -126,13 +126,13 @@ class Guard:
             self.warnings.append(text)
 
     def _stale(self, seen: SafetyInput) -> str | None:
-        age = (seen.now - self._intake.heard) / 1e6
+        age = (seen.now - self._receiver.heard) / 1e6
         if age <= self._safety.stale_ms:
             return None
-        return f"no state from the robot for {age:.0f} ms ({self._intake.refusals})"
+        return f"no state from the robot for {age:.0f} ms ({self._receiver.refusals})"
 
     def _wire(self, seen: SafetyInput) -> str | None:
-        self._broken += (self._intake.only_broken - self._broken) / _BROKEN_TICKS
+        self._broken += (self._receiver.only_broken - self._broken) / _BROKEN_TICKS
         if self._broken <= self._safety.broken_share:
             return None
         return f"{self._broken:.0%} of the ticks bring broken datagrams only"
@@ -149,7 +149,7 @@ class Guard:
         return f"deadlines missed: {self._left_out:.0f} ticks late"
 
     def _frozen(self, seen: SafetyInput) -> str | None:
-        age = (seen.now - self._intake.changed) / 1e6
+        age = (seen.now - self._receiver.changed) / 1e6
         if age <= self._safety.frozen_ms:
             return None
         return f"the robot's measurements have not changed for {age:.0f} ms"
@@ -220,10 +220,10 @@ class Guard:
         return f"{self._names[joint]} is at {temperature[joint]} °C"
 
     def _mode(self, seen: SafetyInput) -> str | None:
-        return self.obedience.mode(seen.state)
+        return self.actuators.mode(seen.state)
 
     def _torque(self, seen: SafetyInput) -> str | None:
-        return self.obedience.torque()
+        return self.actuators.torque()
 
     def _joint(self, joint: int, state: RobotState) -> str:
         return f"{self._names[joint]} at {state.q[joint]:.2f} rad"

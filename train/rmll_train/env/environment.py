@@ -69,7 +69,7 @@ class GaitEnv(VecEnv):
         self._one_hot = torch.eye(table.num_states)
         self._noise = _half_widths(self.layout, world.randomisation.noise)
         self._fine = reward.FineWidths.of(table.commands, world.rewards)
-        self._tally = EpisodeMetrics.zeros(self.num_envs)
+        self._metrics = EpisodeMetrics.zeros(self.num_envs)
         self._fixed: Tensor | None = None
         self.failures = 0
         """Robots put back so far because their physics or reward was not finite"""
@@ -148,10 +148,10 @@ class GaitEnv(VecEnv):
 
     # -- what the trainer reads ---------------------------------------------------------------
 
-    def take_tally(self) -> EpisodeMetrics:
+    def take_metrics(self) -> EpisodeMetrics:
         """Sums since the last call."""
-        tally, self._tally = self._tally, EpisodeMetrics.zeros(self.num_envs)
-        return tally
+        sums, self._metrics = self._metrics, EpisodeMetrics.zeros(self.num_envs)
+        return sums
 
     def begin_anew(self) -> None:
         """All robots begin a new episode."""
@@ -335,24 +335,24 @@ class GaitEnv(VecEnv):
         self, step: machine.Step, explained: Tensor, walk: Tensor, done: Tensor, ended: Tensor,
         down: Tensor,
     ) -> None:  # fmt: skip
-        simulation, tally = self.simulation, self._tally
+        simulation, sums = self.simulation, self._metrics
         self._made = self._made + step.advanced
         self._allowed = self._allowed + self._rate
         power = (simulation.torque * simulation.joint_velocity).abs().sum(1)
-        tally.steps += 1
-        tally.transitions += step.advanced
-        tally.allowed += self._rate
-        tally.off_spec += ~explained
-        tally.vx_error += (self.command[:, 0] - simulation.base_velocity[:, 0]).abs()
-        tally.wz_error += (self.command[:, 1] - simulation.angular_velocity[:, 2]).abs()
-        tally.energy += power * self.dt
-        tally.distance += simulation.base_velocity[:, :2].norm(dim=1) * self.dt
-        tally.walk_reward += walk
-        tally.level += self.levels.level
-        tally.episodes += done
-        tally.ends += ended
-        tally.falls += down
-        tally.length += self.episode_length_buf * done
+        sums.steps += 1
+        sums.transitions += step.advanced
+        sums.allowed += self._rate
+        sums.off_spec += ~explained
+        sums.vx_error += (self.command[:, 0] - simulation.base_velocity[:, 0]).abs()
+        sums.wz_error += (self.command[:, 1] - simulation.angular_velocity[:, 2]).abs()
+        sums.energy += power * self.dt
+        sums.distance += simulation.base_velocity[:, :2].norm(dim=1) * self.dt
+        sums.walk_reward += walk
+        sums.level += self.levels.level
+        sums.episodes += done
+        sums.ends += ended
+        sums.falls += down
+        sums.length += self.episode_length_buf * done
 
     def _uniform(self, shape: tuple[int, ...], low: float, high: float) -> Tensor:
         return torch.rand(shape, generator=self.generator) * (high - low) + low

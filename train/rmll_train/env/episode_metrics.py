@@ -8,7 +8,7 @@ from torch import Tensor
 
 @dataclass
 class EpisodeMetrics:
-    """Sums since the last :meth:`GaitEnv.take_tally`, each (n,), one number a robot."""
+    """Sums since the last :meth:`GaitEnv.take_metrics`, each (n,), one number a robot."""
 
     steps: Tensor
     transitions: Tensor

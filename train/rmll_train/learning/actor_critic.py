@@ -52,7 +52,7 @@ class EstimatingActor(MLPModel):
 
     def mean(self, own: Tensor) -> Tensor:
         """Actions (n, 12) without exploration, from ``policy`` observations (n, size)."""
-        turned = self.fold.turned(own)
+        turned = self.fold.mirrored(own)
         seen = self.fold.observation(own, turned)
         return self.fold.action(self.mlp(self.with_estimate(seen)), turned)
 
@@ -64,7 +64,7 @@ class EstimatingActor(MLPModel):
 
     def estimate(self, own: Tensor) -> Tensor:
         """Base velocity (3) [m/s], foot heights (4) [m] from ``policy`` observations (n, size)."""
-        turned = self.fold.turned(own)
+        turned = self.fold.mirrored(own)
         return self.fold.estimate(self.estimator(self.fold.observation(own, turned)), turned)
 
     def _get_latent_dim(self) -> int:
@@ -80,7 +80,7 @@ class FoldedCritic(MLPModel):
 
     def get_latent(self, obs: TensorDict, masks: Any = None, hidden_state: Any = None) -> Tensor:
         true = super().get_latent(obs, masks, hidden_state)
-        return self.fold.observation(true, self.fold.turned(true))
+        return self.fold.observation(true, self.fold.mirrored(true))
 
 
 def estimate_loss(estimate: Tensor, true: Tensor) -> Tensor:

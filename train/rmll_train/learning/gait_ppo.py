@@ -128,7 +128,7 @@ class GaitPPO(PPO):
     def act(self, obs: TensorDict) -> Tensor:
         """Actions (envs, 12) with exploration; remembers what the update needs."""
         actor, fold, kept = self.policy, self.policy.fold, self.transition
-        turned = fold.turned(obs["policy"])
+        turned = fold.mirrored(obs["policy"])
         beside = self._beside.submit(self._value, obs, turned)
         with self._precision():
             actor_input = actor.with_estimate(fold.observation(obs["policy"], turned))
@@ -199,10 +199,10 @@ class GaitPPO(PPO):
         A batch is in one part or in two, of which the thread beside takes the second.
         """
         old_deviation = self.policy.distribution.std[0].detach().clone()
-        descent = OptimizerStep(self.optimizer, self.max_grad_norm)
+        optimizer_step = OptimizerStep(self.optimizer, self.max_grad_norm)
         rates = []
         for parts in batches:
-            descent.begin()
+            optimizer_step.begin()
             rows = sum(len(part.action) for part in parts)
             calls = [(part, len(part.action) / rows, old_deviation) for part in parts]
             beside = [self._beside.submit(self._surrogate, *call) for call in calls[1:]]
@@ -210,9 +210,9 @@ class GaitPPO(PPO):
             surrogate, entropy, divergence = told
             self._follow_divergence(float(divergence))
             rates.append(self.learning_rate)
-            descent.down(surrogate, entropy)
+            optimizer_step.apply(surrogate, entropy)
         self._rates = rates
-        return descent.end()
+        return optimizer_step.end()
 
     def _surrogate(self, batch: Samples, share: float, old_deviation: Tensor) -> Tensor:
         """Adds to the actor's gradient; ``share`` x surrogate, entropy and divergence (3,)."""
@@ -237,7 +237,7 @@ class GaitPPO(PPO):
         Not at its last one: within an update rates rise and then fall, and the last is half of the
         mean.
         """
-        descent = OptimizerStep(self.critic_optimizer, self.max_grad_norm)
+        optimizer_step = OptimizerStep(self.critic_optimizer, self.max_grad_norm)
         # its epochs are the first of the actor's
         for batch, rate in zip(batches, rates[: len(batches)], strict=True):
             self.critic_optimizer.param_groups[0]["lr"] = rate
@@ -248,8 +248,8 @@ class GaitPPO(PPO):
                 near = batch.value + (value - batch.value).clamp(-self.clip_param, self.clip_param)
                 error = torch.maximum(error, (near - batch.returns).square())
             loss = error.mean()
-            descent.step(loss, loss)
-        return descent.end()
+            optimizer_step.step(loss, loss)
+        return optimizer_step.end()
 
     def _follow_divergence(self, divergence: float) -> None:
         """Lower the learning rate when the policy moves away too fast, raise it when too slowly."""
@@ -265,15 +265,15 @@ class GaitPPO(PPO):
         observed = self.storage.observations.flatten(0, 1)
         seen, true = (observed[name].index_select(0, order) for name in ("policy", "estimate"))
         own = seen[:, : self.policy.obs_dim]  # without the old estimate
-        descent = OptimizerStep(self.estimator_optimizer, math.inf)
+        optimizer_step = OptimizerStep(self.estimator_optimizer, math.inf)
         for own_part, wanted in zip(
             own.chunk(self.estimator_batches), true.chunk(self.estimator_batches), strict=True
         ):
             with self._precision():
                 estimate = self.policy.estimator(own_part).float()
             loss = estimate_loss(estimate, wanted)
-            descent.step(loss, loss)
-        return descent.end()
+            optimizer_step.step(loss, loss)
+        return optimizer_step.end()
 
     @contextmanager
     def _two_halves(self) -> Iterator[None]:

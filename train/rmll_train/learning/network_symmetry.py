@@ -60,7 +60,7 @@ class NetworkSymmetry(nn.Module):
         self.action = Mirrored(mirror_action(robot))
         self.estimate = Mirrored(mirror_layout(ESTIMATES, states))
 
-    def turned(self, observation: Tensor) -> Tensor:
+    def mirrored(self, observation: Tensor) -> Tensor:
         """(n, 1): 1 where the observation's state is one that is turned."""
         one_hot = observation[..., : len(self.turned_states)]
         return (one_hot * self.turned_states).sum(-1, keepdim=True)

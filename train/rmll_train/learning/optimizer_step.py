@@ -32,13 +32,13 @@ class OptimizerStep:
         """Down the gradient of ``loss``; ``told``, scalars, are what to report of it."""
         self.begin()
         loss.backward()
-        self.down(*told)
+        self.apply(*told)
 
     def begin(self) -> None:
         """Forget the last step's gradient."""
         self._optimizer.zero_grad()
 
-    def down(self, *told: Tensor) -> None:
+    def apply(self, *told: Tensor) -> None:
         """A step down the gradient that was collected since :meth:`begin`."""
         if nn.utils.clip_grad_norm_(self._parameters, self._limit).isfinite():
             self._optimizer.step()

@@ -14,19 +14,19 @@ from rmll_onboard.state.modes import Request
 
 @pytest.fixture
 def daemon(bundle, brisk):
-    pilot = FlagOperator(bundle.table.commands, 0.5, 0.0, 8.0, seconds=1.0)
-    return Daemon(bundle, brisk, pilot)
+    operator = FlagOperator(bundle.table.commands, 0.5, 0.0, 8.0, seconds=1.0)
+    return Daemon(bundle, brisk, operator)
 
 
 @pytest.fixture
 def ticks(daemon, robot):
     """A walk of a second, with the daemon's controller as it was at the end."""
     kept, datagrams, now = [], [], 0
-    witness = TickListener(daemon, kept.append)
+    listener = TickListener(daemon, kept.append)
     while not daemon.finished:
         now += daemon.period
         answer = daemon.tick(now, datagrams)
-        witness.saw(now, datagrams, answer)
+        listener.observe(now, datagrams, answer)
         datagrams = [robot.answer(answer)]
     return kept
 

@@ -21,8 +21,8 @@ def with_head(pressed: Remote) -> bytes:
 
 @pytest.fixture
 def lost():
-    presence = RemoteWatchdog(Safety(remote_lost_ms=500, remote_still=20), DEADBAND)
-    return lambda seconds, data: presence.lost(int(seconds * 1e9), data)
+    watchdog = RemoteWatchdog(Safety(remote_lost_ms=500, remote_still=20), DEADBAND)
+    return lambda seconds, data: watchdog.lost(int(seconds * 1e9), data)
 
 
 @pytest.mark.parametrize("there", [with_head(Remote()), bytes(39) + b"\x07"])
@@ -56,11 +56,11 @@ def test_limits_are_exact():
         (with_head(Remote()), NOTHING, 500_000_000),
         (NOTHING, encode(Remote(ly=0.7)), 20_000_000_000),
     ):
-        presence = RemoteWatchdog(Safety(remote_lost_ms=500, remote_still=20), DEADBAND)
-        presence.lost(0, before)
-        assert presence.lost(7, data) is False
-        assert presence.lost(7 + limit, data) is False
-        assert presence.lost(8 + limit, data) is True
+        watchdog = RemoteWatchdog(Safety(remote_lost_ms=500, remote_still=20), DEADBAND)
+        watchdog.lost(0, before)
+        assert watchdog.lost(7, data) is False
+        assert watchdog.lost(7 + limit, data) is False
+        assert watchdog.lost(8 + limit, data) is True
 
 
 def test_a_remote_that_has_been_zero_from_the_first_is_not_lost(lost):
@@ -82,26 +82,26 @@ presses = st.lists(
 @given(*marks, st.tuples(stray, stray, stray, stray, stray), presses)
 def test_a_resting_remote_is_never_lost(head, unused, sticks, pressed):
     """Whatever its head, its unused bytes and its sticks are, and whatever was pressed before."""
-    presence = RemoteWatchdog(Safety(), DEADBAND)
+    watchdog = RemoteWatchdog(Safety(), DEADBAND)
     rest = head + struct.pack("<H5f", 0, *sticks) + unused
     now = 0
     for held in pressed:
         # all but the head and the unused bytes are the hand's
         now += 100_000_000
-        assert not presence.lost(now, head + encode(held)[2:24] + unused)
+        assert not watchdog.lost(now, head + encode(held)[2:24] + unused)
     for _ in range(20):
         now += 3_600_000_000_000
-        assert not presence.lost(now, rest)
-    assert not presence.lost(now, encode(Remote()) if not any(head + unused) else rest)
+        assert not watchdog.lost(now, rest)
+    assert not watchdog.lost(now, encode(Remote()) if not any(head + unused) else rest)
 
 
 @pytest.mark.fuzz
 @given(*marks, presses)
 def test_all_forty_bytes_zero_are_lost_where_a_resting_remote_shows_more(head, unused, pressed):
-    presence = RemoteWatchdog(Safety(remote_lost_ms=500), DEADBAND)
+    watchdog = RemoteWatchdog(Safety(remote_lost_ms=500), DEADBAND)
     now = 0
     for held in [Remote(), *pressed]:
         now += 100_000_000
-        presence.lost(now, head + encode(held)[2:24] + unused)
-    presence.lost(now + 1, NOTHING)
-    assert presence.lost(now + 600_000_000, NOTHING) == any(head + unused)
+        watchdog.lost(now, head + encode(held)[2:24] + unused)
+    watchdog.lost(now + 1, NOTHING)
+    assert watchdog.lost(now + 600_000_000, NOTHING) == any(head + unused)

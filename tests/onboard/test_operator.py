@@ -12,12 +12,12 @@ RANGES = Commands(vx=(-1.0, 1.0), wz=(-1.0, 1.0), frequency=(6.0, 12.0))
 
 
 def test_up_and_down_change_c_f_once_a_push_and_within_what_was_trained():
-    pilot = RemoteOperator(RANGES, 7.0, 0.08)
+    operator = RemoteOperator(RANGES, 7.0, 0.08)
 
     def push(button: Button) -> float:
-        held = [pilot.orders(0, Mode.WALKING, Remote(button)).command[2] for _ in range(3)]
+        held = [operator.orders(0, Mode.WALKING, Remote(button)).command[2] for _ in range(3)]
         assert len(set(held)) == 1
-        pilot.orders(0, Mode.WALKING, Remote())
+        operator.orders(0, Mode.WALKING, Remote())
         return held[0]
 
     assert [push(Button.UP) for _ in range(3)] == [6.0, 6.0, 6.0]
@@ -27,8 +27,8 @@ def test_up_and_down_change_c_f_once_a_push_and_within_what_was_trained():
 
 def test_sticks_count_from_the_deadband_to_the_end():
     def vx_and_wz(ly: float, rx: float):
-        pilot = RemoteOperator(Commands((-0.5, 1.0), (-1.0, 1.0), (6.0, 12.0)), 7.0, 0.1)
-        return pilot.orders(0, Mode.WALKING, Remote(ly=ly, rx=rx)).command[:2]
+        operator = RemoteOperator(Commands((-0.5, 1.0), (-1.0, 1.0), (6.0, 12.0)), 7.0, 0.1)
+        return operator.orders(0, Mode.WALKING, Remote(ly=ly, rx=rx)).command[:2]
 
     assert vx_and_wz(0.1, -0.1) == (0, 0)
     assert vx_and_wz(1.0, -1.0) == (1.0, 1.0)
@@ -37,11 +37,11 @@ def test_sticks_count_from_the_deadband_to_the_end():
 
 
 def test_several_values_of_c_f_share_the_seconds():
-    pilot = FlagOperator(RANGES, 0.5, 0.0, (12, 6, 12), seconds=9.0)
-    assert pilot.orders(0, Mode.DAMPING, Remote()).command == (0.5, 0.0, 12)
+    operator = FlagOperator(RANGES, 0.5, 0.0, (12, 6, 12), seconds=9.0)
+    assert operator.orders(0, Mode.DAMPING, Remote()).command == (0.5, 0.0, 12)
 
     def at(seconds: float):
-        return pilot.orders(int((5 + seconds) * NS), Mode.WALKING, Remote())
+        return operator.orders(int((5 + seconds) * NS), Mode.WALKING, Remote())
 
     told = {seconds: at(seconds).command[2] for seconds in (0, 2.9, 3.1, 5.9, 6.1, 8.9, 9.5)}
     assert told == {0: 12, 2.9: 12, 3.1: 6, 5.9: 6, 6.1: 12, 8.9: 12, 9.5: 12}
