@@ -4,10 +4,22 @@ The kinds are msgspec's: structs and dataclasses whose types say what is allowed
 """
 
 import re
+import sys
+from collections.abc import Collection
 from dataclasses import is_dataclass
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import msgspec
 import yaml
@@ -37,7 +49,7 @@ def convert(value: Value, kind: Any, base: Any = None) -> Any:
     """
     if known := _fields(kind):
         plain = {name: getattr(base, name) for name in known} if base is not None else {}
-        for name, entry in value.mapping(allowed=known).items():
+        for name, entry in _renamed(value, kind, known).items():
             plain[name] = convert(entry, known[name], plain.get(name))
     elif get_origin(_bare(kind)) is dict and value.is_mapping:
         of = get_args(_bare(kind))[1]
@@ -48,6 +60,22 @@ def convert(value: Value, kind: Any, base: Any = None) -> Any:
         return msgspec.convert(plain, kind)
     except msgspec.ValidationError as error:
         raise _refused(value, kind, str(error)) from None
+
+
+def _renamed(value: Value, kind: Any, known: Collection[str]) -> dict[str, Value]:
+    """The entries of a mapping, those of an old name under the new one; each is told.
+
+    A kind names its old names in a class variable ``RENAMED``, old to new.
+    """
+    renamed = getattr(_bare(kind), "RENAMED", {})
+    entries = value.mapping(allowed=known, also=renamed)
+    for old in [name for name in entries if name in renamed]:
+        new, entry = renamed[old], entries.pop(old)
+        if new in entries:
+            raise entry.error(f"{old!r} is the old name of {new!r}, which is given too")
+        print(entry.error(f"{old!r} is called {new!r} now"), file=sys.stderr)
+        entries[new] = entry
+    return entries
 
 
 def dump(plain: Any, **style: Any) -> str:
@@ -84,7 +112,9 @@ def _fields(kind: Any) -> dict[str, Any]:
     if not (isinstance(bare, type) and (is_dataclass(bare) or issubclass(bare, msgspec.Struct))):
         return {}
     tag = getattr(bare, "__struct_config__", None) and bare.__struct_config__.tag_field
-    return ({tag: str} if tag else {}) | get_type_hints(bare, include_extras=True)
+    hints = get_type_hints(bare, include_extras=True)
+    fields = {name: hint for name, hint in hints.items() if get_origin(hint) is not ClassVar}
+    return ({tag: str} if tag else {}) | fields
 
 
 def _bare(kind: Any) -> Any:

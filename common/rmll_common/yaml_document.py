@@ -60,9 +60,16 @@ class Value:
         return _shown(self.node.value) if self.node.value else "nothing"
 
     def mapping(
-        self, allowed: Collection[str] = (), required: Collection[str] = (), names: bool = False
+        self,
+        allowed: Collection[str] = (),
+        required: Collection[str] = (),
+        names: bool = False,
+        also: Collection[str] = (),
     ) -> "Mapping":
-        """Entries by key: only ``allowed`` keys, or, where it is empty, any texts or ``names``."""
+        """Entries by key: only ``allowed`` keys, or, where it is empty, any texts or ``names``.
+
+        ``also`` may be there too, but is not what is expected.
+        """
         if not isinstance(self.node, yaml.MappingNode):
             raise self.error(f"found {self.describe()}, expected a mapping")
         entries: Mapping = {}
@@ -71,7 +78,7 @@ class Value:
             name = key.name() if names else key.text()
             if name in entries:
                 raise key.error(f"key {_shown(name)} is given twice")
-            if allowed and name not in allowed:
+            if allowed and name not in allowed and name not in also:
                 known = ", ".join(allowed)
                 raise key.error(f"unknown key {_shown(name)}, expected one of {known}")
             entries[name] = Value(self.source, value_node)

@@ -41,8 +41,8 @@ FLOOR_SECONDS, WALK_SECONDS = 6.0, 15.0
 POLICY_PERIOD = 20_000_000
 """[ns]"""
 PACES = {
-    "asleep between ticks": Realtime(early_us=0, rehearse_us=0),
-    "awake early": Realtime(rehearse_us=0),
+    "asleep between ticks": Realtime(early_us=0, cache_warmup_us=0),
+    "awake early": Realtime(cache_warmup_us=0),
     "awake early, rehearsed": Realtime(),
     "and first in line": Realtime(priority=50),
 }

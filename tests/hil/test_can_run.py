@@ -12,7 +12,7 @@ from rmll_hil.robot.serve_can import on_free_ports
 from rmll_onboard.settings.can_settings import Can
 
 PATIENT = """
-safety: {stale_ms: 1000, missed_ticks: 400, frozen_ms: 5000, obedience_ms: 1000, torque_error: 100,
+safety: {stale_ms: 1000, missed_ticks: 400, frozen_ms: 5000, actuator_ms: 1000, torque_error: 100,
   stuck: 100}
 can: {reply_timeout_ms: 1000}
 """

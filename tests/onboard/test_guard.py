@@ -384,7 +384,7 @@ def test_ages_are_exact():
     bench = Bench(joint_still_ms=500 - 1e-4).well()
     encoder_freeze(bench)
     assert 100 <= bench.ticks_until_complaint()[0] <= 108
-    bench = Bench(obedience_ms=100 - 5e-5).well()
+    bench = Bench(actuator_ms=100 - 5e-5).well()
     other_mode(bench)
     assert bench.ticks_until_complaint()[0] == 20
 

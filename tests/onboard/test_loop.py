@@ -49,7 +49,7 @@ def daemon(bundle, brisk):
     return Daemon(bundle, brisk, FlagOperator(bundle.table.commands, vx=0.5, seconds=0.3))
 
 
-@pytest.mark.parametrize("pace", [Realtime(), Realtime(early_us=0, rehearse_us=0)], ids=str)
+@pytest.mark.parametrize("pace", [Realtime(), Realtime(early_us=0, cache_warmup_us=0)], ids=str)
 def test_between_state_and_command_there_is_nothing_else(bundle, brisk, daemon, robot, clock, pace):
     diary = []
     cache_warmer = CacheWarmer(bundle, brisk)
@@ -64,7 +64,7 @@ def test_between_state_and_command_there_is_nothing_else(bundle, brisk, daemon, 
     assert ticks == "rsk" * (len(ticks) // 3)
     report = loop.report()
     assert daemon.report()["policy_steps"] > 0
-    assert (cache_warmer.report()["policy_steps"] > 0) == (pace.rehearse_us > 0)
+    assert (cache_warmer.report()["policy_steps"] > 0) == (pace.cache_warmup_us > 0)
     # each look at the clock takes 10 us of virtual time
     assert (report["tick_us"]["p50"], report["tick_us"]["max"]) == (10, 10)
     assert 0 <= report["wake_us"]["max"] <= 30

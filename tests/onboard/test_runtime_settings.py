@@ -110,3 +110,21 @@ def test_any_yaml_gives_settings_or_one_error(tmp_path_factory, plain):
     path.write_text(yaml.safe_dump(plain))
     with suppress(InputError):
         assert isinstance(load_settings(path), RuntimeSettings)
+
+
+def test_an_old_name_is_read_and_told_with_the_new_one(tmp_path, capsys):
+    path = tmp_path / "settings.yaml"
+    path.write_text("safety: {obedience_ms: 250}\nrealtime: {rehearse_us: 0}\n")
+    settings = load_settings(path)
+    assert (settings.safety.actuator_ms, settings.realtime.cache_warmup_us) == (250, 0)
+    assert capsys.readouterr().err.splitlines() == [
+        f"{path}:1:24: 'obedience_ms' is called 'actuator_ms' now",
+        f"{path}:2:25: 'rehearse_us' is called 'cache_warmup_us' now",
+    ]
+
+
+def test_an_old_name_beside_the_new_one_is_refused(tmp_path):
+    path = tmp_path / "settings.yaml"
+    path.write_text("safety: {obedience_ms: 250, actuator_ms: 100}\n")
+    with pytest.raises(InputError, match=r":1:24: 'obedience_ms' is the old name of"):
+        load_settings(path)

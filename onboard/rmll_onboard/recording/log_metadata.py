@@ -54,9 +54,19 @@ class LogMetadata(msgspec.Struct, frozen=True):
     def daemon_settings(self) -> RuntimeSettings:
         """Raises InputError if they are not those of this version."""
         try:
-            return msgspec.convert(self.settings, RuntimeSettings)
+            return msgspec.convert(_today(self.settings), RuntimeSettings)
         except msgspec.ValidationError as error:
             raise InputError(f"recorded with settings of another version: {error}") from error
+
+
+def _today(settings: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The same under the names that they have now."""
+    kinds = {section.name: section.type for section in msgspec.structs.fields(RuntimeSettings)}
+    renamed = {name: getattr(kind, "RENAMED", {}) for name, kind in kinds.items()}
+    return {
+        section: {renamed.get(section, {}).get(name, name): value for name, value in values.items()}
+        for section, values in settings.items()
+    }
 
 
 def describe(bundle: "Bundle", settings: RuntimeSettings, real_time: bool) -> LogMetadata:

@@ -52,8 +52,8 @@ class Loop:
         self._daemon = daemon
         self._link = link
         self._early = pace.early_us * 1000
-        self._warmup = pace.rehearse_us * 1000
-        self._cache_warmer = cache_warmer if pace.rehearse_us else None
+        self._warmup = pace.cache_warmup_us * 1000
+        self._cache_warmer = cache_warmer if pace.cache_warmup_us else None
         self._listener = None if keep is None else TickListener(daemon, keep)
         self._service = service or SystemdNotifier({})
         self._timing = Timing()

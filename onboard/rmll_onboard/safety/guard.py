@@ -77,7 +77,7 @@ class Guard:
         self.warnings: list[str] = []
         """What was no fault; the first hundred"""
         self.actuators = ActuatorMonitor(
-            safety.torque_error, safety.obedience_ms * 1e6 / period, robot
+            safety.torque_error, safety.actuator_ms * 1e6 / period, robot
         )
         self.sensors = SensorMonitor(robot, safety, receiver.streams, receiver.tick_seconds)
         self._names = robot.joint_names

@@ -5,7 +5,7 @@ Every setting is written down once, here: type, range, default and meaning.
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, get_type_hints
 
 import msgspec
 from msgspec import Meta
@@ -67,6 +67,7 @@ class Steering(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Safety(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """When to intervene. A fault ends in damping, for good."""
 
+    RENAMED: ClassVar[dict[str, str]] = {"obedience_ms": "actuator_ms"}
     # most deployments trip between 0.8 and 1.2 rad
     roll_limit: Annotated[Angle, Meta(description="[rad]")] = 1.0
     pitch_limit: Annotated[Angle, Meta(description="[rad]")] = 1.0
@@ -122,7 +123,7 @@ class Safety(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     torque_error: Annotated[
         float, Meta(ge=1, le=100, description="[N·m] from what was commanded; another commander?")
     ] = 10.0
-    obedience_ms: Annotated[
+    actuator_ms: Annotated[
         float, Meta(ge=20, le=1000, description="[ms] that the motors may do something else")
     ] = 100.0
     action_steps: Annotated[
@@ -179,10 +180,11 @@ class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Realtime(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Keeping time. What the system refuses ends the program before it sends anything."""
 
+    RENAMED: ClassVar[dict[str, str]] = {"rehearse_us": "cache_warmup_us"}
     early_us: Annotated[
         int, Meta(ge=0, le=2000, description="[us] to wake up before a tick and watch the clock")
     ] = 200
-    rehearse_us: Annotated[
+    cache_warmup_us: Annotated[
         int,
         Meta(ge=0, le=4000, description="[us] before that, to warm up for a policy tick; 0: don't"),
     ] = 1200
