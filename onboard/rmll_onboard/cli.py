@@ -18,7 +18,7 @@ from rmll_onboard.commands.operator import FlagOperator, Operator, RemoteOperato
 from rmll_onboard.control.bundle import Bundle, load_bundle
 from rmll_onboard.control.controller import prove
 from rmll_onboard.control.shipped_policies import find_policy
-from rmll_onboard.interface.robot_interface import open_link
+from rmll_onboard.interface.robot_interface import open_transport
 from rmll_onboard.recording.log_metadata import describe
 from rmll_onboard.recording.recorder import Recorder, log_path
 from rmll_onboard.runtime import realtime, timing
@@ -116,7 +116,7 @@ def _walk(
     # the recorder is closed last: waiting for the disk must not keep the robot from damping
     with (
         nullcontext() if recorder is None else closing(recorder),
-        closing(open_link(settings, bundle.robot)) as link,
+        closing(open_transport(settings, bundle.robot)) as link,
         closing(SystemdNotifier(os.environ)) as service,
     ):
         daemon = Daemon(bundle, settings, operator)

@@ -202,7 +202,7 @@ def watch_stages(
     controller, guard, supervisor = daemon.controller, daemon._guard, daemon._supervisor
     stages = {
         "receive": [(link, "receive")],
-        "decode": [(daemon.receiver, "take")],
+        "decode": [(daemon.interface, "take")],
         "guard, supervisor": [
             *((guard, "complaint"), (guard.actuators, "sent"), (daemon._action_guard, "complaint")),
             *((supervisor, "update"), (supervisor, "command"), (daemon, "_orders")),

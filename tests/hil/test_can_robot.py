@@ -11,7 +11,6 @@ from rmll_onboard.interface.can_interface import CanInterface
 from rmll_onboard.protocol.can_frame import Frame, pack, unpack
 from rmll_onboard.protocol.mit_packets import ENTER, EXIT, Variant
 from rmll_onboard.settings.can_settings import Actuator, Bus, Can, Imu, Model
-from rmll_onboard.settings.runtime_settings import LinkSettings
 from rmll_onboard.state.robot_state import (
     MODE_BRAKE,
     MODE_SERVO,
@@ -52,7 +51,7 @@ class Pair:
 
     def __init__(self, can: Can) -> None:
         self.robot = CanRobot(can, A1)
-        self.wire = CanInterface(LinkSettings(), can, A1)
+        self.wire = CanInterface(can, A1)
         self.state = RobotState(quaternion=np.array([1.0, 0, 0, 0]), q=A1.stand_pose.copy())
         self.now = 0
         self.command = MotorCommand(q=A1.stand_pose.copy(), kd=np.full(12, 5.0))

@@ -117,7 +117,7 @@ def test_a_hundred_thousand_hostile_datagrams(trot: Bundle) -> None:
         while not daemon.finished:
             now = emulator.now_ms * 1_000_000
             emulator.receive(daemon.tick(now, link.receive()))
-            ticks.append(daemon.receiver.state.tick)
+            ticks.append(daemon.interface.state.tick)
             emulator.advance(5, now)
             good = emulator.state_datagram()
             # whoever speaks first is believed; from then on they are many
@@ -134,7 +134,7 @@ def test_a_hundred_thousand_hostile_datagrams(trot: Bundle) -> None:
     assert daemon.report()["adherence"] > 0.9
     assert not emulator.truth()["grounded"][400:-400].any()
     # one good state a tick, and nothing else was believed
-    assert daemon.receiver.received == len(ticks) - 1
+    assert daemon.interface.received == len(ticks) - 1
     assert all(b - a == 5 for a, b in pairwise(ticks[1:]))
     # a state twice, or an old one, is not even looked at beside a good one
-    assert daemon.receiver.refused.total() > 10_000
+    assert daemon.interface.refused.total() > 10_000

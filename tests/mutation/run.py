@@ -24,7 +24,7 @@ MODULES = {
     "frozen_values": "safety",
     "remote_watchdog": "safety",
     "stop_sequence": "safety",
-    "state_receiver": "interface",
+    "a1_interface": "interface",
     "a1_remote": "protocol",
 }
 """Of onboard/rmll_onboard, and the room of each; tests/onboard has a test of that name"""

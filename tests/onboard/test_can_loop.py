@@ -14,7 +14,7 @@ from rmll_gaits.load import load_gait
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.interface.can_layout import Layout
 from rmll_onboard.interface.can_transport import CanTransport
-from rmll_onboard.interface.robot_interface import open_link
+from rmll_onboard.interface.robot_interface import open_transport
 from rmll_onboard.protocol.can_frame import unpack
 from rmll_onboard.protocol.mit_packets import ENTER, EXIT, decode_commands
 from rmll_onboard.runtime.daemon import Daemon
@@ -51,7 +51,7 @@ def test_it_ends_in_damping_and_then_switches_the_actuators_off(bundle, settings
     with closing(CanTransport(settings.can.buses, layout.commands())) as robot:
         with (
             pytest.raises(TypeError if crash else Failure) as ended,
-            closing(open_link(settings, A1)) as link,
+            closing(open_transport(settings, A1)) as link,
         ):
             Loop(daemon, link, settings.realtime, clock=clock).run(settings.link.startup_timeout)
         frames = []

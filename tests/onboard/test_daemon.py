@@ -81,7 +81,7 @@ def test_a_walk_by_flags_from_start_to_end(by_flags, robot):
     assert report["transitions"] == pytest.approx(report["allowed"], abs=1.5)
     assert report["adherence"] == pytest.approx(1, abs=0.15)
     assert report["off_spec_contact"] < 0.15  # all feet down for a step at each change
-    assert (daemon.receiver.rejected, daemon.receiver.lost) == (0, 0)
+    assert (daemon.interface.rejected, daemon.interface.lost) == (0, 0)
 
 
 def test_two_runs_send_the_same_bytes(bundle, brisk, robot):
@@ -163,8 +163,8 @@ def test_a_stick_that_is_no_number_is_a_bad_packet_and_damps(by_remote, robot, v
 def test_a_robot_whose_remote_is_no_number_from_the_start_is_not_believed(by_remote, robot):
     bad_stick(robot, math.nan)
     by_remote.run(0.5)
-    assert by_remote.daemon.receiver.received == 0
-    assert by_remote.daemon.receiver.refused["not finite"] > 50
+    assert by_remote.daemon.interface.received == 0
+    assert by_remote.daemon.interface.refused["not finite"] > 50
     assert robot.damped
 
 
@@ -342,5 +342,5 @@ def test_hostile_datagrams_change_nothing(bundle, brisk, data):
     )
     for count in range(5):
         daemon.tick((count + 1) * daemon.period, [data.draw(hostile)])
-    receiver = daemon.receiver
-    assert (receiver.received, receiver.rejected, receiver.lost) == (1, 5, 5)
+    interface = daemon.interface
+    assert (interface.received, interface.rejected, interface.lost) == (1, 5, 5)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from rmll_gaits.load import load_gait
 from rmll_gaits.table import ADVANCE
-from rmll_onboard.interface.state_receiver import StateReceiver
+from rmll_onboard.interface.a1_interface import A1Interface
 from rmll_onboard.protocol import a1_packets
 from rmll_onboard.safety.gait_monitor import GaitMonitor
 from rmll_onboard.safety.guard import ActionGuard, Guard, SafetyInput
@@ -24,10 +24,10 @@ class Bench:
     """A robot that walks, obeys, and shivers as real ones do; a tick each :meth:`tick`."""
 
     def __init__(self, **safety):
-        self.receiver = StateReceiver(LinkSettings())
+        self.interface = A1Interface(LinkSettings(), A1)
         # what is set here at once, no robot does at once
         calm = {"orientation_error": 1000, "speed_error": 1000}
-        self.guard = Guard(A1, Safety(**calm | safety), self.receiver, PERIOD)
+        self.guard = Guard(A1, Safety(**calm | safety), self.interface, PERIOD)
         self.state = RobotState(q=A1.default_pose.copy(), quaternion=np.array([1.0, 0, 0, 0]))
         self.command = MotorCommand(
             mode=np.full(12, MODE_SERVO, np.uint8),
@@ -58,8 +58,8 @@ class Bench:
             state.tau[:] = self.command.kp * (self.command.q - state.q)
             state.tau -= self.command.kd * state.dq
         datagrams = self.datagrams(a1_packets.encode_state(state))
-        fresh = self.receiver.take(self.now, datagrams, resting=False)
-        seen = self.receiver.state
+        fresh = self.interface.take(self.now, datagrams, resting=False)
+        seen = self.interface.state
         gravity = projected_gravity(seen.quaternion)
         complaint = self.guard.complaint(
             SafetyInput(self.now, seen, fresh, gravity, self.moving, self.walking)
@@ -278,7 +278,7 @@ def test_a_limit_that_is_just_reached_is_kept():
     bench = Bench(torque_error=100)
     pitch_up(bench)
     bench.tick()
-    pitch = abs(roll_pitch(projected_gravity(bench.receiver.state.quaternion))[1])
+    pitch = abs(roll_pitch(projected_gravity(bench.interface.state.quaternion))[1])
     assert told(pitch_up, pitch_limit=pitch) is None
     assert told(pitch_up, pitch_limit=no_more_than(pitch)).startswith("tilted")
 
@@ -288,7 +288,7 @@ def test_a_limit_that_is_just_reached_is_kept():
     bench = Bench()
     roll_over(bench)
     bench.tick()
-    roll = abs(roll_pitch(projected_gravity(bench.receiver.state.quaternion))[0])
+    roll = abs(roll_pitch(projected_gravity(bench.interface.state.quaternion))[0])
     assert told(roll_over, roll_limit=roll) is None
     assert told(roll_over, roll_limit=no_more_than(roll)).startswith("tilted")
 
@@ -301,7 +301,7 @@ def test_a_limit_that_is_just_reached_is_kept():
     at_limit(bench, False)
     bench.tick()
     middle, reach = (A1.joint_upper + A1.joint_lower) / 2, (A1.joint_upper - A1.joint_lower) / 2
-    past = float((np.abs(bench.receiver.state.q - middle) - reach)[FR_CALF])
+    past = float((np.abs(bench.interface.state.q - middle) - reach)[FR_CALF])
     far = lambda bench: at_limit(bench, False)  # noqa: E731
     near = lambda bench: at_limit(bench, True)  # noqa: E731
     assert told(far, joint_beyond=past) is None

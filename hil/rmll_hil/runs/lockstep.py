@@ -55,16 +55,16 @@ def walk(
         datagrams = _period(emulator, answer, period_ms)
         if daemon.policy_ran:
             progress(now / NS)
-    for _ in range(int(daemon.receiver.farewell * NS / daemon.period)):
+    for _ in range(int(daemon.interface.farewell * NS / daemon.period)):
         _period(emulator, daemon.damping(), period_ms)
     if daemon.fault:
         emulator.advance(int(AFTERMATH * 1000), emulator.now_ms * 1_000_000)
     wall = time.perf_counter() - began
     packets = {
         "sent": emulator.to_robot.sent,
-        "received": daemon.receiver.received,
-        "rejected": daemon.receiver.rejected,
-        "lost": daemon.receiver.lost,
+        "received": daemon.interface.received,
+        "rejected": daemon.interface.rejected,
+        "lost": daemon.interface.lost,
     }
     # not measured: there is no real time here
     timings = dict.fromkeys(("tick_us", "wake_us", "rss_mb", "timekeeping"))

@@ -8,15 +8,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rmll_onboard.control.contact_estimator import ContactEstimator
 from rmll_onboard.interface.can_layout import Layout
-from rmll_onboard.interface.state_receiver import StateReceiver
+from rmll_onboard.interface.packet_counter import PacketCounter
 from rmll_onboard.protocol import can_imu, mit_packets
 from rmll_onboard.protocol.can_frame import Frame, unpack
 from rmll_onboard.protocol.mit_packets import MitCommands
 from rmll_onboard.settings.can_settings import Can
-from rmll_onboard.settings.runtime_settings import LinkSettings
+from rmll_onboard.settings.runtime_settings import Feet
 from rmll_onboard.state.packet_errors import BadPacket, Reason
-from rmll_onboard.state.robot_state import MODE_SERVO, MotorCommand, Streams
+from rmll_onboard.state.robot_state import MODE_SERVO, MotorCommand, RobotState, Streams
 from rmll_robots import Robot
 
 ENTER_ROUNDS = 3
@@ -25,7 +26,7 @@ ENTER_ROUNDS = 3
 _IMU = -1
 
 
-class CanInterface(StateReceiver):
+class CanInterface(PacketCounter):
     """Both directions of the wire.
 
     A state is whole once every actuator and the IMU have been heard, all actuators after they were
@@ -35,12 +36,15 @@ class CanInterface(StateReceiver):
 
     streams = Streams(accelerometer=False, rpy=False, feet=False)
     farewell = 2.0
-    """[s] of damping datagrams at the end: until a robot lies, for the actuators then go limp"""
+    """Until a robot lies, for the actuators then go limp"""
+    tick_seconds = 1e-3
+    """Of the IMU's clock"""
 
-    def __init__(self, link: LinkSettings, can: Can, robot: Robot) -> None:
+    def __init__(self, can: Can, robot: Robot) -> None:
         """Raises InputError if the actuators do not fit the robot."""
-        super().__init__(link)
-        self.tick_seconds = 1e-3  # the IMU's clock
+        super().__init__(RobotState())
+        self.fault: str | None = None
+        self._robot = robot
         layout = self._layout = Layout(can, robot)
         joints = len(layout.joints)
         self.state.mode[:] = MODE_SERVO
@@ -68,6 +72,10 @@ class CanInterface(StateReceiver):
         """Who has not been heard yet."""
         silent = [self._name(who) for who, when in enumerate(self._heard) if when is None]
         return ", ".join(silent)
+
+    def contact_estimator(self, feet: Feet) -> ContactEstimator:
+        """By torques."""
+        return ContactEstimator(feet, self._robot, sensors=False)
 
     def take(self, now: int, datagrams: Sequence[bytes], resting: bool) -> bool:
         """Look for something new in ``datagrams``, whose frames are all of this moment."""
@@ -170,11 +178,8 @@ class CanInterface(StateReceiver):
         state.q[:] = layout.to_joint(position)
         np.multiply(layout.sign, velocity, out=state.dq)
         np.multiply(layout.sign, torque, out=state.tau)
-        self.received += 1
-        self.heard = now
-        measured = self._steps.tobytes() + state.quaternion.tobytes() + state.gyro.tobytes()
-        if measured != self._measured:
-            self._measured, self.changed = measured, now
+        imu = state.quaternion.tobytes() + state.gyro.tobytes()
+        self._accepted(now, self._steps.tobytes() + imu)
         return True
 
     def _silent(self, now: int) -> int | None:

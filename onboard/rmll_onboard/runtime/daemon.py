@@ -13,9 +13,8 @@ from rmll_gaits.schedule import transition_rate
 from rmll_onboard.commands.operator import Operator, OperatorCommand
 from rmll_onboard.control.bundle import Bundle
 from rmll_onboard.control.command_limiter import CommandRateLimiter
-from rmll_onboard.control.contact_estimator import ContactEstimator
 from rmll_onboard.control.controller import Controller, PolicyInput
-from rmll_onboard.interface.robot_interface import open_wire
+from rmll_onboard.interface.robot_interface import open_interface
 from rmll_onboard.protocol import a1_remote
 from rmll_onboard.safety.gait_monitor import GaitMonitor
 from rmll_onboard.safety.guard import ActionGuard, Guard, SafetyInput
@@ -44,7 +43,7 @@ class Daemon:
         self.orders = OperatorCommand(None, (0.0, 0.0, 0.0))
         """What the operator wanted at the last tick"""
         self.controller = Controller(bundle)
-        self.receiver, self._encode = open_wire(settings, bundle.robot)
+        self.interface = open_interface(settings, bundle.robot)
         """The robot's newest state, and counts of what came"""
         self.stopping = False
         """Sit down and finish, whatever the operator wants; set it to stop"""
@@ -52,7 +51,7 @@ class Daemon:
         self._joints = bundle.joints
         self._decimation = contract.control_hz // contract.policy_hz
         self._countdown = 0
-        self.feet = ContactEstimator(settings.feet, bundle.robot, self.receiver.streams.feet)
+        self.feet = self.interface.contact_estimator(settings.feet)
         """Which feet touch the ground"""
         walk_pose = np.empty(len(self._joints))
         walk_pose[self._joints] = contract.default_pose
@@ -61,7 +60,7 @@ class Daemon:
             bundle.robot, settings, walk_pose, (contract.kp, contract.kd), contract.torque_limit
         )
         safety = settings.safety
-        self._guard = Guard(bundle.robot, safety, self.receiver, self.period)
+        self._guard = Guard(bundle.robot, safety, self.interface, self.period)
         self._action_guard = ActionGuard(contract.action_clip, safety.action_steps)
         self._monitor = GaitMonitor(bundle.table, safety.stuck)
         self._watchdog = RemoteWatchdog(safety, settings.steering.deadband)
@@ -74,16 +73,16 @@ class Daemon:
 
     def tick(self, now: int, datagrams: Sequence[bytes]) -> bytes:
         """Answer what came since the last call, at ``now`` [ns, monotonic]; never raises."""
-        state, supervisor = self.receiver.state, self._supervisor
-        fresh = self.receiver.take(now, datagrams, resting=supervisor.mode is Mode.DAMPING)
+        state, supervisor = self.interface.state, self._supervisor
+        fresh = self.interface.take(now, datagrams, resting=supervisor.mode is Mode.DAMPING)
         gravity = projected_gravity(state.quaternion)
         if fresh:
             self.feet.measured(now, state.dq)
         pressed = a1_remote.decode(state.remote)
         if pressed.emergency_stop:
             supervisor.trip("emergency stop on the remote")
-        if self.receiver.fault:
-            supervisor.trip(self.receiver.fault)
+        if self.interface.fault:
+            supervisor.trip(self.interface.fault)
         before = supervisor.mode
         orders = self._ready(now, before, self._orders(now, before, pressed))
         moving, walking = before is not Mode.DAMPING, before is Mode.WALKING
@@ -101,11 +100,11 @@ class Daemon:
             self._step_policy(gravity, self._limiter.step(orders.command))
             if not self._stop.under_way:
                 self._walk.count(now, self.controller)
-        elif self.due and self.receiver.received:
+        elif self.due and self.interface.received:
             self.feet.rest(mode, state, gravity)
         command = supervisor.command(now, state, self._target)
         self._guard.actuators.sent(command)
-        return self.receiver.opening() or self._encode(command)
+        return self.interface.opening() or self.interface.encode(command)
 
     @property
     def policy_next(self) -> bool:
@@ -114,7 +113,7 @@ class Daemon:
 
     def damping(self) -> bytes:
         """The datagram that damps all joints, whatever else is going on."""
-        return self._encode(self._supervisor.damping())
+        return self.interface.encode(self._supervisor.damping())
 
     @property
     def finished(self) -> bool:
@@ -133,7 +132,7 @@ class Daemon:
 
     def report(self) -> dict[str, Any]:
         """What was walked, and the fault that ended it, as plain numbers."""
-        refused = {str(reason): count for reason, count in self.receiver.refused.items()}
+        refused = {str(reason): count for reason, count in self.interface.refused.items()}
         return self._walk.report() | {
             "fault": self.fault,
             "warnings": self._guard.warnings,
@@ -149,7 +148,7 @@ class Daemon:
             self._guard.warn(complaint)
         if orders.request is Request.DAMP:
             self._supervisor.trip("emergency stop by the operator")
-        if not self.receiver.received:
+        if not self.interface.received:
             return orders._replace(request=None)
         if self.stopping or self._remote_lost(now, mode):
             orders = orders._replace(request=Request.SIT)
@@ -166,12 +165,12 @@ class Daemon:
             return orders
         since = self._unready_since = self._unready_since or now
         if now - since > _REFUSAL_NS:
-            told = f" ({self.receiver.refusals})" if self.receiver.rejected else ""
+            told = f" ({self.interface.refusals})" if self.interface.rejected else ""
             self._supervisor.trip(f"refused to stand up: {doubt}{told}")
         return orders._replace(request=None)
 
     def _remote_lost(self, now: int, mode: Mode) -> bool:
-        lost = self._watchdog.lost(now, self.receiver.state.remote) and self.operator.by_remote
+        lost = self._watchdog.lost(now, self.interface.state.remote) and self.operator.by_remote
         if lost and mode in (Mode.STANDING_UP, Mode.STANDING, Mode.WALKING):
             self._guard.warn("the remote was lost")
         return lost
@@ -188,7 +187,7 @@ class Daemon:
         return stuck
 
     def _step_policy(self, gravity: np.ndarray, command: tuple[float, float, float]) -> None:
-        state, joints = self.receiver.state, self._joints
+        state, joints = self.interface.state, self._joints
         sensed = PolicyInput(state.q[joints], state.dq[joints], gravity, state.gyro)
         touching, clear = self.feet.step(
             state,

@@ -77,13 +77,13 @@ class Loop:
 
     def report(self) -> dict[str, Any]:
         """How well time was kept, see :class:`Timing`, and datagram counts."""
-        receiver = self._daemon.receiver
+        interface = self._daemon.interface
         return self._timing.report() | {
             "packets": {
                 "sent": self._sent,
-                "received": receiver.received,
-                "rejected": receiver.rejected,
-                "lost": receiver.lost,
+                "received": interface.received,
+                "rejected": interface.rejected,
+                "lost": interface.lost,
             },
         }
 
@@ -109,8 +109,8 @@ class Loop:
             timing.missed += missed
             deadline += missed * period
             self._look_around(now, datagrams, answer)
-            if not daemon.receiver.received and now > give_up:
-                missing = f": nothing from {who}" if (who := daemon.receiver.missing) else ""
+            if not daemon.interface.received and now > give_up:
+                missing = f": nothing from {who}" if (who := daemon.interface.missing) else ""
                 raise Failure(
                     f"no answer from the robot at {link.name} in {startup_timeout:g} s{missing}"
                 )
@@ -145,7 +145,7 @@ class Loop:
         self._sent += 1
         if self._listener is not None:
             self._listener.observe(now, datagrams, answer)
-        if self._daemon.receiver.received:
+        if self._daemon.interface.received:
             self._service.ready()
             self._service.alive(now)
         self._timing.look_at_memory(now)
@@ -153,7 +153,7 @@ class Loop:
 
     def _farewell(self) -> None:
         frame = self._daemon.damping()
-        for _ in range(int(self._daemon.receiver.farewell * NS / self._daemon.period)):
+        for _ in range(int(self._daemon.interface.farewell * NS / self._daemon.period)):
             self._link.send(frame)
             self._sent += 1
             self._clock.sleep(self._daemon.period / NS)

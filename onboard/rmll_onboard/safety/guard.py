@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rmll_onboard.interface.state_receiver import StateReceiver
+from rmll_onboard.interface.robot_interface import RobotInterface
 from rmll_onboard.safety.actuator_monitor import ActuatorMonitor
 from rmll_onboard.safety.sensor_monitor import SensorMonitor
 from rmll_onboard.settings.runtime_settings import Safety
@@ -72,17 +72,19 @@ class PatientCheck:
 class Guard:
     """All checks of the robot, the wire and the clock; cheap enough for every tick."""
 
-    def __init__(self, robot: Robot, safety: Safety, receiver: StateReceiver, period: int) -> None:
+    def __init__(
+        self, robot: Robot, safety: Safety, interface: RobotInterface, period: int
+    ) -> None:
         """``period`` [ns] is a tick's."""
         self.warnings: list[str] = []
         """What was no fault; the first hundred"""
         self.actuators = ActuatorMonitor(
             safety.torque_error, safety.actuator_ms * 1e6 / period, robot
         )
-        self.sensors = SensorMonitor(robot, safety, receiver.streams, receiver.tick_seconds)
+        self.sensors = SensorMonitor(robot, safety, interface.streams, interface.tick_seconds)
         self._names = robot.joint_names
         self._safety = safety
-        self._receiver = receiver
+        self._interface = interface
         self._period = period
         self._middle = (robot.joint_upper + robot.joint_lower) / 2
         self._reach = (robot.joint_upper - robot.joint_lower) / 2
@@ -126,13 +128,13 @@ class Guard:
             self.warnings.append(text)
 
     def _stale(self, seen: SafetyInput) -> str | None:
-        age = (seen.now - self._receiver.heard) / 1e6
+        age = (seen.now - self._interface.heard) / 1e6
         if age <= self._safety.stale_ms:
             return None
-        return f"no state from the robot for {age:.0f} ms ({self._receiver.refusals})"
+        return f"no state from the robot for {age:.0f} ms ({self._interface.refusals})"
 
     def _wire(self, seen: SafetyInput) -> str | None:
-        self._broken += (self._receiver.only_broken - self._broken) / _BROKEN_TICKS
+        self._broken += (self._interface.only_broken - self._broken) / _BROKEN_TICKS
         if self._broken <= self._safety.broken_share:
             return None
         return f"{self._broken:.0%} of the ticks bring broken datagrams only"
@@ -149,7 +151,7 @@ class Guard:
         return f"deadlines missed: {self._left_out:.0f} ticks late"
 
     def _frozen(self, seen: SafetyInput) -> str | None:
-        age = (seen.now - self._receiver.changed) / 1e6
+        age = (seen.now - self._interface.changed) / 1e6
         if age <= self._safety.frozen_ms:
             return None
         return f"the robot's measurements have not changed for {age:.0f} ms"

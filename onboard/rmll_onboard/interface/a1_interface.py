@@ -1,16 +1,18 @@
-"""Which of the robot's datagrams are believed.
+"""The A1's board: which of its datagrams are believed, and the commands for it.
 
 A checksum proves that a datagram is whole, not that it is new: the network delays, doubles and
 overtakes, and somebody may send old datagrams again. The board's own clock, the tick, decides.
 """
 
-from collections import Counter
 from collections.abc import Sequence
 
-from rmll_onboard.protocol.a1_packets import StateDecoder, check_state, peek_tick
-from rmll_onboard.settings.runtime_settings import LinkSettings
+from rmll_onboard.control.contact_estimator import ContactEstimator
+from rmll_onboard.interface.packet_counter import PacketCounter
+from rmll_onboard.protocol.a1_packets import CommandEncoder, StateDecoder, check_state, peek_tick
+from rmll_onboard.settings.runtime_settings import Feet, LinkSettings
 from rmll_onboard.state.packet_errors import BadPacket, Reason
-from rmll_onboard.state.robot_state import Streams
+from rmll_onboard.state.robot_state import MotorCommand, Streams
+from rmll_robots import Robot
 
 BROKEN = frozenset({Reason.LENGTH, Reason.LEVEL, Reason.CRC, Reason.NOT_FINITE})
 """What no sane network or board delivers; late and repeated datagrams are ordinary"""
@@ -23,52 +25,37 @@ _SLACK_NS = 1_000_000_000
 """The board's clock may be so far ahead of what our own clock says"""
 
 
-class StateReceiver:
-    """Keeps the newest believable state, and counts the datagrams that were none."""
+class A1Interface(PacketCounter):
+    """An A1's board on UDP."""
 
     fault: str | None = None
-    """What the wire itself knows to be wrong with the robot: on this one, nothing"""
     missing = ""
-    """Who has not been heard yet, where several have to be"""
     streams = Streams(accelerometer=True, rpy=True, feet=True)
     farewell = 0.5
-    """[s] of damping datagrams at the end; the board then brakes by itself"""
+    """The board then brakes by itself"""
 
-    def __init__(self, link: LinkSettings) -> None:
+    def __init__(self, link: LinkSettings, robot: Robot) -> None:
+        self._robot = robot
         self._decoder = StateDecoder()
-        self.state = self._decoder.state
-        """The newest one, overwritten by the next"""
-        self.received = 0
-        """States that were believed"""
-        self.lost = 0
-        """Calls that brought no new state, after the first one"""
-        self.refused: Counter[Reason] = Counter()
-        self.only_broken = False
-        """The last call brought datagrams, but none of them was whole"""
-        self.heard = 0
-        """[ns] when the newest state came"""
-        self.changed = 0
-        """[ns] when a state last measured anything else than the one before"""
+        super().__init__(self._decoder.state)
         self._tick: int | None = None
-        self._measured = b""
         self._tick_ns = link.tick_us * 1000
         self.tick_seconds = link.tick_us * 1e-6
-        """[s] of a count of :attr:`RobotState.tick`"""
+        self._encoder = CommandEncoder()
+
+    def contact_estimator(self, feet: Feet) -> ContactEstimator:
+        """By foot sensors once they are learnt, by torques until then."""
+        return ContactEstimator(feet, self._robot, sensors=True)
 
     @property
     def rejected(self) -> int:
         """Datagrams that were broken or of another time."""
         return self.refused.total() - self.refused[Reason.REPEATED] - self.refused[Reason.LATE]
 
-    @property
-    def refusals(self) -> str:
-        """How many datagrams were refused, and why."""
-        counts = ", ".join(f"{count} {reason}" for reason, count in self.refused.items())
-        hint = "; is link.tick_us right?" if self.refused[Reason.AHEAD] > self.received else ""
-        return f"refused: {counts or 'none'}{hint}"
+    def encode(self, command: MotorCommand) -> bytes:
+        return self._encoder.encode(command)
 
     def opening(self) -> bytes | None:
-        """What to send in place of the next command, to a robot that has to be switched on."""
         return None
 
     def take(self, now: int, datagrams: Sequence[bytes], resting: bool) -> bool:
@@ -115,12 +102,8 @@ class StateReceiver:
         if self._tick is not None:
             self._check_order(now, datagram)
         self._decoder.decode(datagram)
-        self.received += 1
-        self.heard = now
+        self._accepted(now, datagram[_MEASURED])
         self._tick = self.state.tick
-        measured = datagram[_MEASURED]
-        if measured != self._measured:
-            self._measured, self.changed = measured, now
 
     def _check_order(self, now: int, datagram: bytes) -> None:
         ahead = self._ahead(datagram)
