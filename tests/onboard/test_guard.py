@@ -9,6 +9,7 @@ from rmll_gaits.load import load_gait
 from rmll_gaits.table import ADVANCE
 from rmll_onboard.interface.a1_interface import A1Interface
 from rmll_onboard.protocol import a1_packets
+from rmll_onboard.safety.faults import Fault
 from rmll_onboard.safety.gait_monitor import GaitMonitor
 from rmll_onboard.safety.guard import ActionGuard, Guard, SafetyInput
 from rmll_onboard.settings.runtime_settings import LinkSettings, Safety
@@ -65,7 +66,7 @@ class Bench:
             SafetyInput(self.now, seen, fresh, gravity, self.moving, self.walking)
         )
         self.guard.actuators.sent(self.command)
-        return complaint
+        return complaint and complaint.detail
 
     def ticks_until_complaint(self, most=400):
         """How many ticks, and what was said."""
@@ -529,7 +530,10 @@ def test_the_policy_must_answer_within_its_range():
         assert guard.complaint(action, target) is None
     for action in (fine, wild, wild, fine, wild, wild):
         assert guard.complaint(action, target) is None
-    assert guard.complaint(wild, target) == "the policy's action is 16.1, its range 8"
+    assert guard.complaint(wild, target) == (
+        Fault.POLICY_OUT_OF_RANGE,
+        "the policy's action is 16.1, its range 8",
+    )
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -537,9 +541,9 @@ def test_what_is_no_number_is_not_sent(bad):
     fine, target = np.zeros(12, np.float32), np.zeros(12)
     wrong, nowhere = fine.copy(), target.copy()
     wrong[3] = nowhere[5] = bad
-    told = "the policy's action is no finite number"
+    told = Fault.POLICY_NOT_FINITE, "the policy's action is no finite number"
     assert ActionGuard(8.0, 2).complaint(wrong, nowhere) == told
-    told = "the policy's joint targets are not finite"
+    told = Fault.POLICY_NOT_FINITE, "the policy's joint targets are not finite"
     assert ActionGuard(8.0, 2).complaint(fine, nowhere) == told
 
 

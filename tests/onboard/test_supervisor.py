@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from rmll_onboard.protocol.a1_packets import decode_command, encode_command
+from rmll_onboard.safety.faults import Complaint, Fault
 from rmll_onboard.safety.supervisor import Supervisor
 from rmll_onboard.settings.runtime_settings import RuntimeSettings
 from rmll_onboard.state.modes import NS, Mode, Request
@@ -17,6 +18,8 @@ from rmll_robots import A1
 
 PERIOD = NS // 200
 MOTION = RuntimeSettings().motion
+
+SOMETHING = Complaint(Fault.TILTED, "it hangs upside down")
 
 
 class Bench:
@@ -33,7 +36,9 @@ class Bench:
 
     def tick(self, request=None):
         self.now += PERIOD
-        self.supervisor.update(self.now, self.state, self.complaint, request)
+        self.supervisor.update(self.now, self.state, request)
+        if self.complaint:
+            self.supervisor.trip(self.complaint)
         self.command = self.supervisor.command(self.now, self.state, self.target)
         if self.command.kp.any():
             self.state.q[:] = self.command.q
@@ -135,10 +140,10 @@ def test_what_a_mode_does_not_allow_is_ignored(mode, ignored):
 
 def test_a_complaint_damps_for_good():
     bench = Bench().walk()
-    bench.complaint = "something"
+    bench.complaint = SOMETHING
     bench.tick()
     assert bench.damped
-    assert bench.supervisor.fault == "something"
+    assert bench.supervisor.fault == SOMETHING
     bench.complaint = None
     for request in Request:
         assert bench.run(0.1, request) is Mode.DAMPING
@@ -147,18 +152,18 @@ def test_a_complaint_damps_for_good():
 
 def test_a_damped_robot_may_be_complained_of_but_not_lifted():
     bench = Bench()
-    bench.complaint = "it hangs upside down"
+    bench.complaint = SOMETHING
     bench.run(1.0)
     assert bench.supervisor.fault is None
     assert bench.tick(Request.STAND) is Mode.DAMPING
-    assert bench.supervisor.fault == "it hangs upside down"
+    assert bench.supervisor.fault == SOMETHING
 
 
 def test_the_first_fault_is_the_one_told():
     bench = Bench().walk()
-    bench.supervisor.trip("first")
-    bench.supervisor.trip("second")
-    assert bench.supervisor.fault == "first"
+    bench.supervisor.trip(SOMETHING)
+    bench.supervisor.trip(Complaint(Fault.POWER, "later"))
+    assert bench.supervisor.fault == SOMETHING
 
 
 joints = hnp.arrays(np.float64, 12, elements=st.floats(-4, 4))

@@ -16,6 +16,7 @@ from rmll_onboard.control.command_limiter import CommandRateLimiter
 from rmll_onboard.control.controller import Controller, PolicyInput
 from rmll_onboard.interface.robot_interface import open_interface
 from rmll_onboard.protocol import a1_remote
+from rmll_onboard.safety.faults import Complaint, Fault
 from rmll_onboard.safety.gait_monitor import GaitMonitor
 from rmll_onboard.safety.guard import ActionGuard, Guard, SafetyInput
 from rmll_onboard.safety.remote_watchdog import RemoteWatchdog
@@ -80,14 +81,17 @@ class Daemon:
             self.feet.measured(now, state.dq)
         pressed = a1_remote.decode(state.remote)
         if pressed.emergency_stop:
-            supervisor.trip("emergency stop on the remote")
+            self._trip(Complaint(Fault.EMERGENCY_STOP, "emergency stop on the remote"))
         if self.interface.fault:
-            supervisor.trip(self.interface.fault)
+            self._trip(Complaint(Fault.ROBOT_REPORTS, self.interface.fault))
         before = supervisor.mode
         orders = self._ready(now, before, self._orders(now, before, pressed))
         moving, walking = before is not Mode.DAMPING, before is Mode.WALKING
         seen = SafetyInput(now, state, fresh, gravity, moving, walking)
-        mode = supervisor.update(now, state, self._guard.complaint(seen), orders.request)
+        complaint = self._guard.complaint(seen)
+        mode = supervisor.update(now, state, orders.request)
+        if complaint:
+            mode = self._trip(complaint)
         if mode is Mode.WALKING and before is not Mode.WALKING:
             self.controller.reset()
             self.feet.reset()
@@ -122,7 +126,7 @@ class Daemon:
     @property
     def finished(self) -> bool:
         """The program may end: the robot lies damped and nobody wants more of it."""
-        mode, fault = self._supervisor.mode, self._supervisor.fault
+        mode, fault = self._supervisor.mode, self.fault
         stopped = self.stopping and mode is Mode.DAMPING
         return stopped or self.operator.finished(mode, fault)
 
@@ -131,14 +135,21 @@ class Daemon:
         return self._supervisor.mode
 
     @property
-    def fault(self) -> str | None:
+    def complaint(self) -> Complaint | None:
+        """The fault that damped the robot for good"""
         return self._supervisor.fault
+
+    @property
+    def fault(self) -> str | None:
+        """The same in words"""
+        return None if self.complaint is None else self.complaint.detail
 
     def report(self) -> dict[str, Any]:
         """What was walked, and the fault that ended it, as plain numbers."""
         refused = {str(reason): count for reason, count in self.interface.refused.items()}
         return self._walk.report() | {
             "fault": self.fault,
+            "fault_name": None if self.complaint is None else str(self.complaint.fault),
             "warnings": self._guard.warnings,
             "stuck_walks": self._stop.stuck_walks,
             "feet": self.feet.report(),
@@ -151,7 +162,7 @@ class Daemon:
         if complaint := self.operator.complaint:
             self._guard.warn(complaint)
         if orders.request is Request.DAMP:
-            self._supervisor.trip("emergency stop by the operator")
+            self._trip(Complaint(Fault.EMERGENCY_STOP, "emergency stop by the operator"))
         if not self.interface.received:
             return orders._replace(request=None)
         if self.stopping or self._remote_lost(now, mode):
@@ -170,7 +181,7 @@ class Daemon:
         since = self._unready_since = self._unready_since or now
         if now - since > _REFUSAL_NS:
             told = f" ({self.interface.refusals})" if self.interface.rejected else ""
-            self._supervisor.trip(f"refused to stand up: {doubt}{told}")
+            self._trip(Complaint(Fault.NOT_READY, f"refused to stand up: {doubt}{told}"))
         return orders._replace(request=None)
 
     def _remote_lost(self, now: int, mode: Mode) -> bool:
@@ -200,7 +211,11 @@ class Daemon:
             touching, clear = self._stop.contacts(self.controller.state)
         self._target[joints] = self.controller.step(touching, clear, sensed, command)
         if complaint := self._action_guard.complaint(self.controller.raw_action, self._target):
-            self._supervisor.trip(complaint)
+            self._trip(complaint)
+
+    def _trip(self, complaint: Complaint) -> Mode:
+        """The one way into damping by a fault."""
+        return self._supervisor.trip(complaint)
 
 
 class WalkStatistics:

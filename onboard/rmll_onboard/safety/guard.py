@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rmll_onboard.interface.robot_interface import RobotInterface
 from rmll_onboard.safety.actuator_monitor import ActuatorMonitor
+from rmll_onboard.safety.faults import Complaint, Fault
 from rmll_onboard.safety.sensor_monitor import SensorMonitor
 from rmll_onboard.settings.runtime_settings import Safety
 from rmll_onboard.state import attitude
@@ -54,19 +55,20 @@ class PatientCheck:
     """A check that is believed after more than ``patience`` complaints; a content one in between
     takes one back, as in the A1's own library."""
 
-    def __init__(self, check: Check, patience: float = 0) -> None:
+    def __init__(self, fault: Fault, check: Check, patience: float = 0) -> None:
+        self._fault = fault
         self._check = check
         self._patience = patience
         self._count = 0
 
-    def __call__(self, seen: SafetyInput) -> str | None:
-        complaint = self._check(seen)
-        if complaint is None:
+    def __call__(self, seen: SafetyInput) -> Complaint | None:
+        detail = self._check(seen)
+        if detail is None:
             if self._count:
                 self._count -= 1
             return None
         self._count += 1
-        return complaint if self._count > self._patience else None
+        return Complaint(self._fault, detail) if self._count > self._patience else None
 
 
 class Guard:
@@ -95,20 +97,27 @@ class Guard:
         self._left_out = self._broken = 0.0
         self._warned = np.zeros(len(self._names), bool)
         self._doubted: set[str] = set()
-        self._always = PatientCheck(self._stale), PatientCheck(self._wire), PatientCheck(self._late)
+        self._always = (
+            PatientCheck(Fault.NO_STATE, self._stale),
+            PatientCheck(Fault.BROKEN_DATAGRAMS, self._wire),
+            PatientCheck(Fault.DEADLINES_MISSED, self._late),
+        )
+        patience = safety.patience
         self._measured = (
-            *(
-                PatientCheck(check)
-                for check in (self._frozen, self._still, self._tilted, self._impossible)
-            ),
-            *(
-                PatientCheck(check, safety.patience)
-                for check in (self._near, self._fast, self._power, self._heat, self._senses)
-            ),
-            *(PatientCheck(check) for check in (self._mode, self._torque)),
+            PatientCheck(Fault.FROZEN_STATE, self._frozen),
+            PatientCheck(Fault.FROZEN_JOINT, self._still),
+            PatientCheck(Fault.TILTED, self._tilted),
+            PatientCheck(Fault.IMPOSSIBLE_JOINT, self._impossible),
+            PatientCheck(Fault.JOINT_LIMIT, self._near, patience),
+            PatientCheck(Fault.JOINT_SPEED, self._fast, patience),
+            PatientCheck(Fault.POWER, self._power, patience),
+            PatientCheck(Fault.TEMPERATURE, self._heat, patience),
+            PatientCheck(Fault.SENSORS_DISAGREE, self._senses, patience),
+            PatientCheck(Fault.MOTOR_MODE, self._mode),
+            PatientCheck(Fault.MOTOR_TORQUE, self._torque),
         )
 
-    def complaint(self, seen: SafetyInput) -> str | None:
+    def complaint(self, seen: SafetyInput) -> Complaint | None:
         """The first fault of this tick; to be called at every one, so that the rows can count.
 
         What was measured is judged when it is new; later only its age counts.
@@ -243,14 +252,16 @@ class ActionGuard:
         self._patience = patience
         self._count = 0
 
-    def complaint(self, action: NDArray[np.float32], target: Array) -> str | None:
+    def complaint(self, action: NDArray[np.float32], target: Array) -> Complaint | None:
         """Once a policy step: ``action`` (12,) as the network gave it, ``target`` (12,) [rad]."""
         largest = float(np.abs(action).max())
         if not np.isfinite(largest):
-            return "the policy's action is no finite number"
+            return Complaint(Fault.POLICY_NOT_FINITE, "the policy's action is no finite number")
         if not np.isfinite(target).all():
-            return "the policy's joint targets are not finite"
+            detail = "the policy's joint targets are not finite"
+            return Complaint(Fault.POLICY_NOT_FINITE, detail)
         self._count = self._count + 1 if largest > WILD * self._clip else 0
         if self._count <= self._patience:
             return None
-        return f"the policy's action is {largest:.3g}, its range {self._clip:g}"
+        detail = f"the policy's action is {largest:.3g}, its range {self._clip:g}"
+        return Complaint(Fault.POLICY_OUT_OF_RANGE, detail)

@@ -11,6 +11,7 @@ and requests in, motor commands out. Joint arrays are (12,) in the robot's order
 import numpy as np
 from numpy.typing import NDArray
 
+from rmll_onboard.safety.faults import Complaint
 from rmll_onboard.settings.runtime_settings import RuntimeSettings
 from rmll_onboard.state.modes import NS, Mode, Request
 from rmll_onboard.state.robot_state import MODE_SERVO, POS_STOP, MotorCommand, RobotState
@@ -33,7 +34,7 @@ class Supervisor:
         """``walk_pose`` [rad] is where walking starts, ``walk_gains`` are Kp and Kd of the policy;
         ``torque_limit`` [N·m] is the most that targets and gains may ask of a joint."""
         self.mode = Mode.DAMPING
-        self.fault: str | None = None
+        self.fault: Complaint | None = None
         self._robot = robot
         self._settings = settings
         self._walk_pose = walk_pose
@@ -43,16 +44,12 @@ class Supervisor:
         self._command = MotorCommand()
         self._command.mode[:] = MODE_SERVO
 
-    def update(
-        self, now: int, state: RobotState, complaint: str | None, request: Request | None
-    ) -> Mode:
-        """Change the mode if time or the request says so, and trip if it has moving joints.
+    def update(self, now: int, state: RobotState, request: Request | None) -> Mode:
+        """Change the mode if time or the request says so.
 
         Args:
             now: [ns], monotonic.
             state: the newest one, whatever its age.
-            complaint: what is wrong, see :mod:`rmll_onboard.safety.guard`; it trips a robot that
-                is not damped.
             request: the operator's wish, None for none; what the mode does not allow is ignored.
         """
         if self.fault:
@@ -74,14 +71,17 @@ class Supervisor:
                 self.mode = Mode.STANDING
             case Mode.SITTING_DOWN, _ if arrived:
                 self.mode = Mode.DAMPING
-        if complaint and self.mode is not Mode.DAMPING:
-            self.trip(complaint)
         return self.mode
 
-    def trip(self, fault: str) -> None:
-        """Into damping, for good; the first fault is the one that is told."""
-        self.fault = self.fault or fault
-        self.mode = Mode.DAMPING
+    def trip(self, complaint: Complaint) -> Mode:
+        """Into damping, for good; the first fault is the one that is told.
+
+        Most faults leave a robot alone that lies damped already.
+        """
+        if self.mode is not Mode.DAMPING or complaint.fault.of_any_robot:
+            self.fault = self.fault or complaint
+            self.mode = Mode.DAMPING
+        return self.mode
 
     def command(self, now: int, state: RobotState, target: Array) -> MotorCommand:
         """The command of this instant; ``target`` [rad] is the policy's, used while walking.
