@@ -4,7 +4,11 @@ import ast
 import re
 from pathlib import Path
 
+import msgspec
 import pytest
+
+from rmll_hil.faults.fault_rows import ROWS
+from rmll_onboard.settings.runtime_settings import Safety
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [
@@ -39,3 +43,17 @@ def anchors(document: Path) -> set[str]:
     """Of a document's headings, as GitHub makes them."""
     headings = re.findall(r"^#+ (.+)$", document.read_text(), re.MULTILINE)
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+SAFETY = (ROOT / "docs" / "safety.md").read_text()
+
+
+def test_the_safety_page_has_every_limit_with_its_default() -> None:
+    rows = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \| (-?[\d.]+) ", SAFETY, re.MULTILINE)
+    told = {name: float(limit) for names, limit in rows for name in re.findall(r"\w+", names)}
+    assert told == msgspec.structs.asdict(Safety())
+
+
+def test_the_safety_page_names_rows_of_the_fault_table() -> None:
+    named = set(re.findall(r"\[(\w+)\](?!\()", SAFETY)) - {"NAME"}
+    assert named and named <= {row.name for row in ROWS}
