@@ -57,3 +57,9 @@ def test_the_safety_page_has_every_limit_with_its_default() -> None:
 def test_the_safety_page_names_rows_of_the_fault_table() -> None:
     named = set(re.findall(r"\[(\w+)\](?!\()", SAFETY)) - {"NAME"}
     assert named and named <= {row.name for row in ROWS}
+
+
+def test_library_facts_are_of_the_versions_that_are_installed() -> None:
+    page = (ROOT / "docs" / "library_facts.md").read_text()
+    named = re.findall(r"^## (\S+==\S+)$", page, re.MULTILINE)
+    assert named and set(named) <= set((ROOT / "constraints.txt").read_text().split())
