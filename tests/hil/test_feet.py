@@ -15,7 +15,7 @@ from rmll_hil.runs.outcome import Outcome
 from rmll_onboard.commands.operator import FlagOperator, OperatorCommand
 from rmll_onboard.control.bundle import Bundle, load_bundle
 from rmll_onboard.control.contact_estimator import ContactEstimator
-from rmll_onboard.runtime import daemon
+from rmll_onboard.interface import a1_interface
 from rmll_onboard.state.modes import NS, Mode, Request
 from rmll_onboard.state.robot_state import RobotState
 from rmll_robots import A1
@@ -206,7 +206,7 @@ class Deaf(ContactEstimator):
 
 
 def test_a_stuck_gait_says_whose_contact_it_awaited(monkeypatch) -> None:
-    monkeypatch.setattr(daemon, "ContactEstimator", Deaf)
+    monkeypatch.setattr(a1_interface, "ContactEstimator", Deaf)
     warnings = walk(Feet(dying([0, 3], 7)), seconds=6.0).report["warnings"]
     (stuck,) = {text for text in warnings if "stuck" in text}
     assert " policy steps without a transition; awaited " in stuck
@@ -227,7 +227,7 @@ def test_a_feet_table_holds_what_is_learnt_against_what_is_told() -> None:
 
 
 def test_a_feet_table_shows_a_walk_that_is_worse(monkeypatch) -> None:
-    monkeypatch.setattr(daemon, "ContactEstimator", FixedThresholds)
+    monkeypatch.setattr(a1_interface, "ContactEstimator", FixedThresholds)
     case = Case("far off", FootUnits(0.2, 0.0))
     (worse,) = feet_table.walk_all([case], [POLICIES / "trot.onnx"], 3.0, jobs=1)
     assert not worse.as_expected
@@ -237,14 +237,14 @@ def test_a_feet_table_shows_a_walk_that_is_worse(monkeypatch) -> None:
 class FixedThresholds(ContactEstimator):
     """Contacts as from a guess of the unit, but for those that are told it."""
 
-    def step(self, state, gravity, down, look):
+    def step(self, state, gravity, down, heights):
         if self.sensors[0].trusted:
-            return super().step(state, gravity, down, look)
+            return super().step(state, gravity, down, heights)
         force = state.foot_force
         return force > 20, force < 10
 
 
 def test_an_estimate_by_a_guess_does_not_walk(monkeypatch) -> None:
     """The tests above mean something."""
-    monkeypatch.setattr(daemon, "ContactEstimator", FixedThresholds)
+    monkeypatch.setattr(a1_interface, "ContactEstimator", FixedThresholds)
     assert walk(Feet(units=FootUnits(0.5))).report["adherence"] < 0.5

@@ -34,8 +34,12 @@ def test_a_force_on_a_foot_is_found_in_the_torques_that_hold_it(model, seed):
         mujoco.mj_jacSite(model, data, jacobian, None, model.site(f"{foot}_foot").id)
         tau -= jacobian.T @ force
     gravity = data.body("trunk").xmat.reshape(3, 3).T @ DOWN
-    found = LegForce(A1).step(q, tau[6:], gravity)
+    legs = LegForce(A1)
+    found = legs.step(q, tau[6:], gravity)
     np.testing.assert_allclose(found, forces[:, 2], atol=1e-9)
+    feet = [data.site(f"{foot}_foot").xpos[2] for foot in A1.foot_names]
+    hips = [data.body(f"{foot}_hip").xpos[2] for foot in A1.foot_names]
+    np.testing.assert_allclose(legs.heights, np.subtract(feet, hips), atol=1e-9)
 
 
 @pytest.mark.parametrize("calf", [-1.0, -1.6, -2.3])

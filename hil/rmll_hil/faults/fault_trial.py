@@ -73,7 +73,11 @@ class FaultTrial(Emulator):
     def _note(self, kind: Reaction) -> None:
         if not self._told or self._told[-1][1] is not kind:
             self._told.append((self.now_ms, kind))
-        if self.begin_ms is None and kind is Reaction.WALKS:
+        if self._provoked:
+            return
+        if kind is not Reaction.WALKS:
+            self.begin_ms = None  # a machine that is held up interrupts the walk before the fault
+        elif self.begin_ms is None:
             self.begin_ms = self.now_ms + WALKED_MS
 
     def _kind(self, datagram: bytes) -> Reaction:

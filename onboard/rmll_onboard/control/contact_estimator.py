@@ -6,7 +6,7 @@ it and for as long as it is not doubted. The sensor is the better one: the shake
 touches down is in the torques, but not in the sensor.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -51,6 +51,7 @@ class ContactEstimator:
         self._before = np.zeros(len(FEET), bool)
         self._force: Sequence[float] = [0.0] * len(FEET)
         self._raw: Sequence[int] = ()
+        self._heights: Array | None = None  # [m] above the hips, in the newest step
 
     def reset(self) -> None:
         """A walk begins: forget the step before."""
@@ -77,26 +78,24 @@ class ContactEstimator:
         state: RobotState,
         gravity: Array,
         down: NDArray[np.bool_],
-        look: Callable[[], NDArray[np.floating]],
+        heights: NDArray[np.floating],
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """``touching`` and ``clear`` (4,), once a policy step.
 
         ``gravity`` (3,) is its unit vector in the base frame, ``down`` (4,) are the feet's bits of
-        the last label. ``look`` gives the feet's estimated heights (4,) [m] above the ground. It
-        costs a run of the network, so it is asked only if a bit hangs on it.
+        the last label, ``heights`` (4,) [m] above the ground are what the policy's estimator said
+        in the last step. Since then a foot that lifts has risen by centimetres: as far as its leg
+        tells, that is added.
 
         A foot is touching if it presses now or did one policy step ago. Forces do not tell height,
         and a robot that is pushed unloads feet without lifting them: a foot is clear of the ground
-        if it bears no load and is high as well. Feet that are up already are not told clear unless
-        heights were asked for; their bits do not need it.
+        if it bears no load and is high as well.
         """
+        before = self._heights
         load = np.array(self._loads(state, gravity))
         pressed = load > np.where(down, self._pressed, self._firm)
-        clear = load < self._clear
-        if (down & clear & ~self._before).any():
-            clear &= look() > CLEAR_HEIGHT
-        else:
-            clear = np.zeros_like(clear)
+        risen = 0.0 if before is None else np.array(self._legs.heights) - before
+        clear = (load < self._clear) & (heights + risen > CLEAR_HEIGHT)
         touching = pressed | self._before
         self._before = pressed
         return touching, clear
@@ -152,5 +151,6 @@ class ContactEstimator:
 
     def _feel(self, state: RobotState, gravity: Array) -> None:
         self._force = self._legs.step(state.q, state.tau, gravity)
+        self._heights = np.array(self._legs.heights)
         if self.sensors:
             self._raw = state.foot_force.tolist()

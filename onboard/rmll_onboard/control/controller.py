@@ -15,7 +15,9 @@ from rmll_gaits import label
 from rmll_gaits.adherence import GaitProgress
 from rmll_gaits.label import FEET
 from rmll_onboard.control.bundle import Bundle
+from rmll_onboard.control.contact_estimator import ContactEstimator
 from rmll_onboard.control.policy import Policy
+from rmll_onboard.state.robot_state import RobotState
 
 TRACE_TOLERANCE = 1e-4
 """Largest difference from the trainer's answers, as a share of the largest number in the answer or
@@ -38,7 +40,9 @@ class PolicyInput(NamedTuple):
 class Controller:
     """One gait. What the last :meth:`step` did can be read from the attributes."""
 
-    def __init__(self, bundle: Bundle) -> None:
+    def __init__(self, bundle: Bundle, feet: ContactEstimator | None = None) -> None:
+        """``feet`` is where contacts come from on a robot; a recorded trace brings its own."""
+        self.feet = feet
         contract, table = bundle.contract, bundle.table
         self._fields = contract.observation
         self._default_pose = np.array(contract.default_pose)
@@ -89,14 +93,15 @@ class Controller:
         """Neither an edge nor a hold of the state before the step explains the label"""
         return self._progress.off_spec
 
-    def foot_height(self, sensed: PolicyInput, command: ArrayLike) -> NDArray[np.floating]:
-        """(4,) [m] above the ground, as estimated before the automaton steps.
+    def contacts(
+        self, state: RobotState, gravity: NDArray
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """``touching`` and ``clear`` (4,) for the :meth:`step` that follows.
 
-        For the labels of the :meth:`step` that follows: what the last one estimated is a policy
-        step old, in which a foot that lifts rises by centimetres.
+        ``gravity`` (3,) is its unit vector in the base frame.
         """
-        _, estimate = self._look(self.phi + 1, sensed, self._trained(command))
-        return estimate[self._foot_height]
+        assert self.feet
+        return self.feet.step(state, gravity, self.down, self.estimate[self._foot_height])
 
     def step(
         self,
@@ -115,29 +120,24 @@ class Controller:
         Returns:
             Joint targets [rad] (12,), before any safety limit.
         """
-        self.command = self._trained(command)
+        self.command = np.clip(command, self._low, self._high)
         self.down = label.hysteresis(self.down, touching, clear)
         self.label = int(label.label(self.down))
         self._progress.step(self.label, self.command[2])
-        self.raw_action, self.estimate = self._look(self.phi, sensed, self.command)
+        self.raw_action, self.estimate = self._run(sensed)
         self.action = self.raw_action.clip(-self._clip, self._clip)
         self.target = action.targets(self.action, self._default_pose, self._scale, self._clip)
         return self.target
 
-    def _trained(self, command: ArrayLike) -> NDArray:
-        return np.clip(command, self._low, self._high)
-
-    def _look(
-        self, phi: int, sensed: PolicyInput, command: NDArray
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """The network's action and estimate, valid until the next call."""
-        vx, wz, frequency = command
+    def _run(self, sensed: PolicyInput) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The network's action and estimate."""
+        vx, wz, frequency = self.command
         observation.write(
             self.observation,
             self._fields,
             {
                 "rm_state": self._one_hot[self.state],
-                "phi": phi,
+                "phi": self.phi,
                 "joint_position": sensed.q - self._default_pose,
                 "joint_velocity": sensed.dq,
                 "last_action": self.action,
@@ -148,7 +148,9 @@ class Controller:
                 "angular_velocity": sensed.gyro,
             },
         )
-        return self._policy.run(self.observation)
+        raw_action, estimate = self._policy.run(self.observation)
+        # the network's buffers are overwritten by its next run
+        return raw_action.copy(), estimate.copy()
 
 
 def prove(bundle: Bundle) -> int:

@@ -1,4 +1,4 @@
-"""How hard each foot presses, from what the joints of its leg do."""
+"""How hard each foot presses, and how high it is, from what the joints of its leg do."""
 
 from math import cos, sin
 
@@ -34,6 +34,8 @@ class LegForce:
         ]
         self._dq = self._dq_before = [0.0] * len(robot.joint_names)
         self._then = self._then_before = -1
+        self.heights = [0.0] * len(robot.foot_names)
+        """[m] of each foot above its hip, against gravity, in the last :meth:`step`; negative"""
 
     def turn(self, now: int, dq: Array) -> None:
         """The joints' speeds (12,) [rad/s] of a state measured at ``now`` [ns]; of each new one."""
@@ -50,10 +52,12 @@ class LegForce:
         known = self._then_before >= 0 and passed >= _SHORTEST
         rate = NS / passed if known else 0.0
         angles, torques, down = q.tolist(), tau.tolist(), gravity.tolist()
-        return [
-            self._foot(first, offset, rate, angles, torques, down)
-            for first, offset in zip(_HIPS, self._offsets, strict=True)
-        ]
+        self.heights, forces = [], []
+        for first, offset in zip(_HIPS, self._offsets, strict=True):
+            height, force = self._foot(first, offset, rate, angles, torques, down)
+            self.heights.append(height)
+            forces.append(force)
+        return forces
 
     def _foot(
         self,
@@ -63,8 +67,8 @@ class LegForce:
         q: list[float],
         tau: list[float],
         gravity: list[float],
-    ) -> float:
-        """One leg, in plain numbers: NumPy takes longer for so few.
+    ) -> tuple[float, float]:
+        """Height and force of one leg, in plain numbers: NumPy takes longer for so few.
 
         In the plane of thigh and calf, x forwards and z along it upwards, two torques give two
         components of the force; the hip's torque then gives the one across the plane.
@@ -78,9 +82,12 @@ class LegForce:
         shin = swing + bend
         calf_x, calf_z = -leg.calf * sin(shin), -leg.calf * cos(shin)
         x, z = calf_x - leg.thigh * sin(swing), calf_z - leg.thigh * cos(swing)
+        down_y = gravity[1] * cos(side) + gravity[2] * sin(side)
+        down_z = gravity[2] * cos(side) - gravity[1] * sin(side)
+        height = -(gravity[0] * x + down_y * offset + down_z * z)
         bent = z * calf_x - x * calf_z
         if abs(bent) < _STRAIGHT or abs(z) < _LEVEL:
-            return 0.0
+            return height, 0.0
         bend_inertia = leg.bend_inertia * cos(bend)
         both = leg.calf_on_thigh + bend_inertia
         tau_hip = tau[hip] - leg.hip_inertia * hip_rate
@@ -93,6 +100,4 @@ class LegForce:
         force_z = (z * tau_calf - calf_z * tau_thigh) / bent
         # tau_hip = z fy - offset fz
         force_y = (tau_hip + offset * force_z) / z
-        down_y = gravity[1] * cos(side) + gravity[2] * sin(side)
-        down_z = gravity[2] * cos(side) - gravity[1] * sin(side)
-        return -(gravity[0] * force_x + down_y * force_y + down_z * force_z)
+        return height, -(gravity[0] * force_x + down_y * force_y + down_z * force_z)

@@ -42,7 +42,6 @@ class Daemon:
         """It was at the policy's rate, walking or not"""
         self.orders = OperatorCommand(None, (0.0, 0.0, 0.0))
         """What the operator wanted at the last tick"""
-        self.controller = Controller(bundle)
         self.interface = open_interface(settings, bundle.robot)
         """The robot's newest state, and counts of what came"""
         self.stopping = False
@@ -53,6 +52,7 @@ class Daemon:
         self._countdown = 0
         self.feet = self.interface.contact_estimator(settings.feet)
         """Which feet touch the ground"""
+        self.controller = Controller(bundle, self.feet)
         walk_pose = np.empty(len(self._joints))
         walk_pose[self._joints] = contract.default_pose
         self._target = walk_pose.copy()
@@ -189,12 +189,7 @@ class Daemon:
     def _step_policy(self, gravity: np.ndarray, command: tuple[float, float, float]) -> None:
         state, joints = self.interface.state, self._joints
         sensed = PolicyInput(state.q[joints], state.dq[joints], gravity, state.gyro)
-        touching, clear = self.feet.step(
-            state,
-            gravity,
-            self.controller.down,
-            lambda: self.controller.foot_height(sensed, command),
-        )
+        touching, clear = self.controller.contacts(state, gravity)
         for complaint in self.feet.complaints:
             self._guard.warn(complaint)
         if self._stop.under_way:
