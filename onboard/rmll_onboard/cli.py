@@ -22,7 +22,7 @@ from rmll_onboard.interface.robot_interface import open_transport
 from rmll_onboard.recording.log_metadata import describe
 from rmll_onboard.recording.recorder import Recorder, log_path
 from rmll_onboard.runtime import realtime, timing
-from rmll_onboard.runtime.cache_warmup import CacheWarmer
+from rmll_onboard.runtime.cache_warmup import cache_warmer
 from rmll_onboard.runtime.daemon import Daemon
 from rmll_onboard.runtime.loop import Loop
 from rmll_onboard.runtime.report_text import report_text
@@ -121,9 +121,9 @@ def _walk(
     ):
         daemon = Daemon(bundle, settings, operator)
         realtime.enter(settings.realtime)
-        cache_warmer = CacheWarmer(bundle, settings)
         keep = recorder and recorder.keep
-        loop = Loop(daemon, link, settings.realtime, keep, service, cache_warmer)
+        warmer = cache_warmer(bundle, settings)
+        loop = Loop(daemon, link, settings.realtime, keep, service, warmer)
         loop.run(settings.link.startup_timeout)
     report = {"gait": bundle.contract.gait} | daemon.report() | loop.report()
     report |= {"record": recorder and recorder.report()}

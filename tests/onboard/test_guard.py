@@ -523,17 +523,24 @@ def test_any_measurement_is_judged(q, dq):
 
 
 def test_the_policy_must_answer_within_its_range():
-    guard = ActionGuard(clip=8.0, patience=2)
+    guard, target = ActionGuard(clip=8.0, patience=2), np.zeros(12)
     fine, wild = np.full(12, 16, np.float32), np.full(12, -16.1, np.float32)
     for action in (wild, wild):
-        assert guard.complaint(action) is None
+        assert guard.complaint(action, target) is None
     for action in (fine, wild, wild, fine, wild, wild):
-        assert guard.complaint(action) is None
-    assert guard.complaint(wild) == "the policy's action is 16.1, its range 8"
-    for number in (np.nan, np.inf, -np.inf):
-        action = fine.copy()
-        action[3] = number
-        assert ActionGuard(8.0, 2).complaint(action) == "the policy's action is no finite number"
+        assert guard.complaint(action, target) is None
+    assert guard.complaint(wild, target) == "the policy's action is 16.1, its range 8"
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_not_sent(bad):
+    fine, target = np.zeros(12, np.float32), np.zeros(12)
+    wrong, nowhere = fine.copy(), target.copy()
+    wrong[3] = nowhere[5] = bad
+    told = "the policy's action is no finite number"
+    assert ActionGuard(8.0, 2).complaint(wrong, nowhere) == told
+    told = "the policy's joint targets are not finite"
+    assert ActionGuard(8.0, 2).complaint(fine, nowhere) == told
 
 
 def test_a_gait_is_stuck_far_beyond_its_longest_dwell(bundle):

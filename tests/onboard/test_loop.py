@@ -7,13 +7,14 @@ import socket
 from contextlib import closing, suppress
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 import pytest
 
 from rmll_gaits.table import Commands
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.protocol import a1_packets
-from rmll_onboard.runtime.cache_warmup import CacheWarmer
+from rmll_onboard.runtime.cache_warmup import CacheWarmer, cache_warmer
 from rmll_onboard.runtime.daemon import Daemon
 from rmll_onboard.runtime.loop import Loop
 from rmll_onboard.runtime.systemd_notify import SystemdNotifier
@@ -49,12 +50,29 @@ def daemon(bundle, brisk):
     return Daemon(bundle, brisk, FlagOperator(bundle.table.commands, vx=0.5, seconds=0.3))
 
 
+def test_a_cache_warmer_that_fails_is_off_and_told(bundle, brisk, daemon, robot, clock):
+    class Broken(CacheWarmer):
+        calls = 0
+
+        def warm_up(self, now, datagrams):
+            self.calls += 1
+            raise ZeroDivisionError("so it goes")
+
+    warmer = Broken(bundle, brisk)
+    Loop(daemon, InProcess(robot, []), Realtime(), cache_warmer=warmer, clock=clock).run(5.0)
+    assert warmer.calls == 1
+    report = daemon.report()
+    assert report["warnings"] == ["the cache warmer is off: ZeroDivisionError('so it goes')"]
+    assert report["fault"] is None
+    assert report["policy_steps"] > 10
+
+
 @pytest.mark.parametrize("pace", [Realtime(), Realtime(early_us=0, cache_warmup_us=0)], ids=str)
 def test_between_state_and_command_there_is_nothing_else(bundle, brisk, daemon, robot, clock, pace):
     diary = []
-    cache_warmer = CacheWarmer(bundle, brisk)
+    warmer = cache_warmer(bundle, msgspec.structs.replace(brisk, realtime=pace))
     link = InProcess(robot, diary)
-    loop = Loop(daemon, link, pace, lambda _: diary.append("keep"), None, cache_warmer, clock)
+    loop = Loop(daemon, link, pace, lambda _: diary.append("keep"), None, warmer, clock)
     loop.run(5.0)
     while diary[-1] == "send":  # the farewell
         diary.pop()
@@ -64,7 +82,8 @@ def test_between_state_and_command_there_is_nothing_else(bundle, brisk, daemon, 
     assert ticks == "rsk" * (len(ticks) // 3)
     report = loop.report()
     assert daemon.report()["policy_steps"] > 0
-    assert (cache_warmer.report()["policy_steps"] > 0) == (pace.cache_warmup_us > 0)
+    assert (warmer is None) == (pace.cache_warmup_us == 0)
+    assert warmer is None or warmer.report()["policy_steps"] > 0
     # each look at the clock takes 10 us of virtual time
     assert (report["tick_us"]["p50"], report["tick_us"]["max"]) == (10, 10)
     assert 0 <= report["wake_us"]["max"] <= 30
@@ -168,13 +187,13 @@ def test_a_service_manager_is_kept_informed(daemon, robot, clock, tmp_path):
     assert words.count("WATCHDOG=1") >= 3
 
 
-def lockstep(daemon, robot, cache_warmer=None):
+def lockstep(daemon, robot, warmer=None):
     """A walk with its own clock; returns what was sent."""
     now, sent, datagrams = 0, [], []
     while not daemon.finished:
         now += daemon.period
-        if cache_warmer is not None and daemon.policy_next:
-            cache_warmer.warm_up(now - 1_000_000, datagrams)
+        if warmer is not None and daemon.policy_next:
+            warmer.warm_up(now - 1_000_000, datagrams)
         sent.append(daemon.tick(now, datagrams))
         datagrams = [robot.answer(sent[-1])]
     return sent
@@ -182,16 +201,16 @@ def lockstep(daemon, robot, cache_warmer=None):
 
 def test_a_warm_up_goes_through_policy_ticks_and_changes_no_command(bundle, brisk, robot):
     walks = []
-    for cache_warmer in (None, CacheWarmer(bundle, brisk)):
+    for warmer in (None, CacheWarmer(bundle, brisk)):
         robot.__init__()
         operator = FlagOperator(bundle.table.commands, vx=0.5, seconds=2.0)
         daemon = Daemon(bundle, brisk, operator)
-        walks.append(lockstep(daemon, robot, cache_warmer))
+        walks.append(lockstep(daemon, robot, warmer))
     assert len(walks[0]) > 400
     assert walks[0] == walks[1]
-    assert cache_warmer.fault is None
+    assert warmer.fault is None
     # all but the first one of the walk, and those of its way out
-    assert cache_warmer.report()["policy_steps"] >= daemon.report()["policy_steps"] - 1 > 90
+    assert warmer.report()["policy_steps"] >= daemon.report()["policy_steps"] - 1 > 90
 
 
 def test_a_cache_warmer_of_a_gait_that_only_walks_forwards(bundle, brisk):
@@ -201,12 +220,12 @@ def test_a_cache_warmer_of_a_gait_that_only_walks_forwards(bundle, brisk):
 
 
 def test_a_cache_warmer_plays_on_after_a_fault(bundle, brisk, robot):
-    cache_warmer = CacheWarmer(bundle, brisk)
+    warmer = CacheWarmer(bundle, brisk)
     for count, quaternion in enumerate(([0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])):
-        robot.answer(cache_warmer.damping())
+        robot.answer(warmer.damping())
         robot.state.quaternion[:] = quaternion
-        cache_warmer.warm_up(20_000_000 * (count + 1), [a1_packets.encode_state(robot.state)])
-        assert cache_warmer.policy_ran == (cache_warmer.fault is None) == (count > 0)
+        warmer.warm_up(20_000_000 * (count + 1), [a1_packets.encode_state(robot.state)])
+        assert warmer.policy_ran == (warmer.fault is None) == (count > 0)
 
 
 def test_policy_ticks_are_foreseen(bundle, brisk, robot):
@@ -225,7 +244,7 @@ def test_policy_ticks_are_foreseen(bundle, brisk, robot):
 
 def test_ticks_leave_nothing_for_the_garbage_collector(bundle, brisk, robot):
     daemon = Daemon(bundle, brisk, FlagOperator(bundle.table.commands, vx=0.5))
-    cache_warmer = CacheWarmer(bundle, brisk)
+    warmer = CacheWarmer(bundle, brisk)
     states = np.random.default_rng(0)
     now, datagrams = 0, []
     while not daemon.policy_ran:
@@ -236,7 +255,7 @@ def test_ticks_leave_nothing_for_the_garbage_collector(bundle, brisk, robot):
     try:
         for count in range(80):
             now += daemon.period
-            cache_warmer.warm_up(now, datagrams)
+            warmer.warm_up(now, datagrams)
             answer = robot.answer(daemon.tick(now, datagrams))
             broken = states.bytes(a1_packets.LOW_STATE_LENGTH)
             datagrams = [[answer], [broken], [answer, broken, answer], []][count % 4]

@@ -8,7 +8,7 @@ from rmll_hil.faults.fault_trial import MOTION, VX, FaultTrial
 from rmll_hil.faults.virtual_time import Killed, VirtualTime
 from rmll_onboard.commands.operator import FlagOperator, RemoteOperator
 from rmll_onboard.control.bundle import load_bundle
-from rmll_onboard.runtime.cache_warmup import CacheWarmer
+from rmll_onboard.runtime.cache_warmup import cache_warmer
 from rmll_onboard.runtime.daemon import Daemon
 from rmll_onboard.runtime.loop import Loop
 from rmll_onboard.settings.runtime_settings import Motion, RuntimeSettings, Safety
@@ -29,8 +29,8 @@ def run(row: FaultRow, trial: FaultTrial, policy: Path) -> tuple[Reaction, int |
     )
     daemon = Daemon(bundle, settings, operator)
     clock = VirtualTime(trial, trial.signals)
-    cache_warmer = CacheWarmer(bundle, settings)
-    loop = Loop(daemon, clock, settings.realtime, cache_warmer=cache_warmer, clock=clock)
+    warmer = cache_warmer(bundle, settings)
+    loop = Loop(daemon, clock, settings.realtime, cache_warmer=warmer, clock=clock)
     try:
         loop.run(settings.link.startup_timeout)
         told = daemon.fault or "; ".join(daemon.report()["warnings"])

@@ -21,6 +21,11 @@ _CALM = {"torque_error": 100.0, "stale_ms": 1000.0, "missed_ticks": 400, "stuck"
 also to its stop"""
 
 
+def cache_warmer(bundle: Bundle, settings: RuntimeSettings) -> "CacheWarmer | None":
+    """None where the settings want none."""
+    return CacheWarmer(bundle, settings) if settings.realtime.cache_warmup_us else None
+
+
 class CacheWarmer(Daemon):
     """Ticks at the policy's rate, and always walks."""
 

@@ -115,6 +115,10 @@ class Daemon:
         """The datagram that damps all joints, whatever else is going on."""
         return self.interface.encode(self._supervisor.damping())
 
+    def warn(self, text: str) -> None:
+        """Keep what is no fault, but should be in the report."""
+        self._guard.warn(text)
+
     @property
     def finished(self) -> bool:
         """The program may end: the robot lies damped and nobody wants more of it."""
@@ -195,7 +199,7 @@ class Daemon:
         if self._stop.under_way:
             touching, clear = self._stop.contacts(self.controller.state)
         self._target[joints] = self.controller.step(touching, clear, sensed, command)
-        if complaint := self._action_guard.complaint(self.controller.raw_action):
+        if complaint := self._action_guard.complaint(self.controller.raw_action, self._target):
             self._supervisor.trip(complaint)
 
 

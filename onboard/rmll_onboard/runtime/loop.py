@@ -44,8 +44,8 @@ class Loop:
     ) -> None:
         """``keep`` is given every tick once its command is sent; it must neither wait nor raise.
 
-        ``service`` is told that we are alive. ``cache_warmer`` rehearses, as ``pace`` says.
-        ``clock`` is real time unless a simulation has its own.
+        ``service`` is told that we are alive. ``cache_warmer`` goes through policy ticks ahead of
+        time. ``clock`` is real time unless a simulation has its own.
         """
         self.stopped_by: signal.Signals | None = None
         """The signal that ended the run, None if nothing was left to do"""
@@ -53,7 +53,7 @@ class Loop:
         self._link = link
         self._early = pace.early_us * 1000
         self._warmup = pace.cache_warmup_us * 1000
-        self._cache_warmer = cache_warmer if pace.cache_warmup_us else None
+        self._cache_warmer = cache_warmer
         self._listener = None if keep is None else TickListener(daemon, keep)
         self._service = service or SystemdNotifier({})
         self._timing = Timing()
@@ -126,16 +126,25 @@ class Loop:
             self._sleep_until(deadline - self._early - self._warmup)
             early = self._link.receive()
             began = monotonic_ns()
-            self._cache_warmer.warm_up(began, early)
+            self._warm_up(began, early)
             done = monotonic_ns()
             # once more if there is time: what has been seen twice is foreseen by the processor
             if done + (done - began) < deadline:
-                self._cache_warmer.warm_up(done, early)
+                self._warm_up(done, early)
         else:
             self._sleep_until(deadline - self._early)
         while monotonic_ns() < deadline:
             pass
         return early
+
+    def _warm_up(self, now: int, datagrams: list[bytes]) -> None:
+        """Whatever goes wrong in it, the walk goes on without."""
+        if self._cache_warmer is not None:
+            try:
+                self._cache_warmer.warm_up(now, datagrams)
+            except Exception as error:
+                self._cache_warmer = None
+                self._daemon.warn(f"the cache warmer is off: {error!r}")
 
     def _sleep_until(self, moment: int) -> None:
         self._clock.sleep(max(0, moment - self._clock.monotonic_ns()) / NS)

@@ -243,11 +243,13 @@ class ActionGuard:
         self._patience = patience
         self._count = 0
 
-    def complaint(self, action: NDArray[np.float32]) -> str | None:
-        """``action`` (12,) as the network gave it, once a policy step."""
+    def complaint(self, action: NDArray[np.float32], target: Array) -> str | None:
+        """Once a policy step: ``action`` (12,) as the network gave it, ``target`` (12,) [rad]."""
         largest = float(np.abs(action).max())
         if not np.isfinite(largest):
             return "the policy's action is no finite number"
+        if not np.isfinite(target).all():
+            return "the policy's joint targets are not finite"
         self._count = self._count + 1 if largest > WILD * self._clip else 0
         if self._count <= self._patience:
             return None
