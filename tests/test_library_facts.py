@@ -28,6 +28,10 @@ from mujoco.batch import Batch
 from rsl_rl.env import VecEnv
 from safetensors.numpy import save_file
 
+from rmll_onboard.interface.can_transport import CanTransport
+from rmll_onboard.protocol.can_frame import Frame, pack
+from rmll_onboard.settings.can_settings import Bus
+
 PENDULUM = """
 <mujoco>
   <option timestep="0.005"/>
@@ -40,6 +44,7 @@ PENDULUM = """
       <geom type="capsule" size="0.05" fromto="0 0 0 0 0 -0.3"/>
     </body>
   </worldbody>
+  <sensor><jointpos name="angle" joint="swing"/></sensor>
   <actuator><motor joint="swing" nsample="4"/><motor joint="swing"/></actuator>
 </mujoco>
 """
@@ -59,6 +64,13 @@ def test_derived_fields_of_a_batch_are_one_substep_old(model: mujoco.MjModel) ->
     assert (heights == 1.0).all() and (height < 1.0).all()
     batch.forward()
     np.testing.assert_array_equal(heights, height)
+
+
+def test_sensors_are_read_before_a_state_is_integrated(model: mujoco.MjModel) -> None:
+    data = mujoco.MjData(model)
+    data.qvel[model.joint("swing").dofadr] = 1.0
+    mujoco.mj_step(model, data)
+    assert data.sensor("angle").data == 0.0 < data.joint("swing").qpos
 
 
 def test_a_derived_field_is_filled_only_once_it_is_bound(model: mujoco.MjModel) -> None:
@@ -128,6 +140,24 @@ def test_a_frame_that_python_can_filters_looks_like_an_empty_bus() -> None:
         assert bus.recv(0) is None
         heard = bus.recv(0)
         assert heard is not None and heard.arbitration_id == 1
+
+
+def test_a_file_in_the_present_folder_changes_how_python_can_opens_a_bus(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "can.ini").write_text("[default]\nreceive_own_messages = True\n")
+    monkeypatch.chdir(tmp_path)
+    heard = []
+    for ignored in (False, True):
+        with can.Bus(interface="virtual", channel="own", ignore_config=ignored) as bus:
+            bus.send(can.Message(arbitration_id=1, is_extended_id=False))
+            heard.append(bus.recv(0) is not None)
+    assert heard == [True, False]
+
+    link = CanTransport({"a": Bus("virtual", "own")}, [[1]])
+    link.send(pack([Frame(0, 1, b"")]))
+    assert link.receive() == []
+    link.close()
 
 
 def test_onnxruntimes_exceptions_share_no_base() -> None:
