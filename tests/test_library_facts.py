@@ -142,11 +142,11 @@ def test_a_frame_that_python_can_filters_looks_like_an_empty_bus() -> None:
         assert heard is not None and heard.arbitration_id == 1
 
 
-def test_a_file_in_the_present_folder_changes_how_python_can_opens_a_bus(
+def test_a_file_in_the_home_folder_changes_how_python_can_opens_a_bus(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "can.ini").write_text("[default]\nreceive_own_messages = True\n")
-    monkeypatch.chdir(tmp_path)
+    (tmp_path / "can.conf").write_text("[default]\nreceive_own_messages = True\n")
+    monkeypatch.setenv("HOME", str(tmp_path))
     heard = []
     for ignored in (False, True):
         with can.Bus(interface="virtual", channel="own", ignore_config=ignored) as bus:
