@@ -12,11 +12,12 @@ import yaml
 
 from rmll_common import command_line
 from rmll_common.errors import InputError
-from rmll_gaits.load import is_gait_file, library_names, load_gait
+from rmll_gaits.load import library_names, load_gait
 from rmll_train import train_settings as settings_file
 from rmll_train.live_report import LiveReport
+from rmll_train.recipe import is_recipe, load_recipe, located, train_stages
 from rmll_train.train_settings import TrainSettings
-from rmll_train.training import RESULT, SETTINGS, train
+from rmll_train.training import RESULT, SETTINGS
 
 
 def main() -> None:
@@ -39,10 +40,12 @@ def _train(
 
     Example: rmll-train trot --steps 3M
     Ctrl-C stops after the current update; go on with: rmll-train --resume runs/trot/NAME
+    A shipped policy again, stages and all: rmll-train experiments/walk.yaml
 
     Args:
-        name: a gait of the library, or a gait file.
-        gait: the same.
+        name: a gait of the library, a gait file, or a recipe. A recipe takes only --runs, and
+            --resume to go on where a run of it stopped.
+        gait: a gait of the library, or a gait file.
         preset: "paper" turns off everything that the paper does not have.
         settings: YAML file with the settings that differ from the preset.
         steps: environment steps in all, such as 3000000, 3e6 or 3M.
@@ -54,33 +57,55 @@ def _train(
     """
     if name and gait:
         raise InputError(f"{name!r} and --gait {gait!r}: name one gait")
+    if is_recipe(name):
+        if settings or (preset, steps, envs, seed) != ("default", None, None, None):
+            raise InputError(f"{name} is a recipe: it takes --runs or --resume alone")
+        return _recipe(name, runs, resume)
     gait = gait or name
     if resume is not None:
         own = (envs, seed, runs) != (None, None, None) or preset != "default"
         if gait or own:
             raise InputError("--resume takes the run's own settings, under --settings and --steps")
-        chosen, folder = _continued(resume, settings), resume
+        chosen = _continued(resume, settings)
     else:
         if not gait and settings is None:
             raise InputError(f"name a gait, such as {', '.join(library_names())}, or a gait file")
         chosen = _chosen(gait, preset, settings, envs, seed)
-        begun = f"{datetime.now():%Y%m%d-%H%M%S}-seed{chosen.seed}"
-        folder = (runs or Path("runs")) / load_gait(chosen.gait).gait / begun
     if steps is not None:
         chosen = replace(chosen, learner=replace(chosen.learner, steps=count("steps", steps)))
     chosen.check()
+    return _run([chosen], runs, resume)
 
+
+def _recipe(name: str, runs: Path | None, resume: Path | None) -> int:
+    stages = load_recipe(Path(name))
+    if resume is not None:
+        if runs is not None:
+            raise InputError("--resume goes on in the run's own folder, without --runs")
+        before = settings_file.load(_existing(resume / SETTINGS), TrainSettings())
+        if (before.gait, before.seed) != (stages[0].gait, stages[0].seed):
+            raise InputError(f"{resume} is no run of {name}: another gait or seed")
+    return _run(stages, runs, resume, recipe=name)
+
+
+def _run(
+    stages: list[TrainSettings], runs: Path | None, resume: Path | None, recipe: str = ""
+) -> int:
+    """Train in a new folder within ``runs``, or go on in ``resume``; the exit status."""
+    begun = f"{datetime.now():%Y%m%d-%H%M%S}-seed{stages[0].seed}"
+    folder = resume or (runs or Path("runs")) / load_gait(stages[0].gait).gait / begun
     with LiveReport() as report:
-        finished = train(folder, chosen, report, resume=resume is not None)
+        finished = train_stages(folder, stages, report, resume=resume is not None)
     if not finished:
-        print(f"stopped; go on with: {_resume(folder)}")
+        print(f"stopped; go on with: {_resume(folder, recipe)}")
         return 130
     print("\n".join(_summary(folder, yaml.safe_load((folder / RESULT).read_text()))))
     return 0
 
 
-def _resume(folder: Path) -> str:
-    return f"rmll-train --resume {shlex.quote(str(folder))}"
+def _resume(folder: Path, recipe: str = "") -> str:
+    words = ["rmll-train", *([recipe] if recipe else []), "--resume", str(folder)]
+    return shlex.join(words)
 
 
 def _summary(folder: Path, result: dict[str, Any]) -> list[str]:
@@ -128,10 +153,7 @@ def _chosen(
         chosen = settings_file.load(overlay, chosen)
     world = chosen.world if envs is None else replace(chosen.world, envs=envs)
     seed = chosen.seed if seed is None else seed
-    gait = gait or chosen.gait
-    if is_gait_file(gait):
-        gait = str(Path(gait).absolute())  # so that the run can be resumed from any folder
-    return replace(chosen, gait=gait, seed=seed, world=world)
+    return replace(chosen, gait=located(gait or chosen.gait), seed=seed, world=world)
 
 
 def _continued(run: Path, overlay: Path | None) -> TrainSettings:

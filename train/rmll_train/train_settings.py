@@ -1,5 +1,7 @@
 """Every number of a training run, in one tree of frozen dataclasses, kept as YAML beside the run.
 
+A docstring says unit, range and meaning. What a setting was seen to do is in docs/notebook.
+
 The defaults are what ``rmll-train`` uses; ``paper()`` gives the values of the paper and of its
 authors' code, with our departures turned off.
 """
@@ -21,67 +23,64 @@ MOST_ENVS, MOST_SAMPLES = 2**16, 2**24
 
 @dataclass(frozen=True)
 class Rewards:
-    """Terms of R_walk: weights of the paper's Table 1, per second."""
+    """R_walk and the bonus. Weights, per second: rewards above 0, costs below 0, 0 = off."""
 
     velocity_x: float = 1.0
-    """exp(-(c_x - v_x)^2 / width)"""
+    """Weight of exp(-(c_x - v_x)^2 / width), the forward speed's tracking"""
     velocity_yaw: float = 0.7
-    """exp(-(c_w - w_z)^2 / width). The paper has 0.5, at which robots sway around their course, and
-    a pace that goes fast does not turn; at 1 a half_bound comes later"""
+    """Weight of exp(-(c_w - w_z)^2 / width), the turning speed's tracking; the paper has 0.5"""
     width: float = 0.25
+    """[m2/s2], [rad2/s2], above 0: of both tracking rewards"""
     fine_share: float = 0.2
-    """Half of each tracking reward is a narrower kernel, exp(-(error / (share x largest
-    command))^2). With the wide one alone, which is flat where errors are small, a trot is useful
-    after twice the steps. 0 = off"""
+    """Share, 0 to 1, of the largest command. Half of each tracking reward is a narrower kernel,
+    exp(-(error / (share x largest command))^2). 0 = off, as in the paper"""
     velocity_z: float = -2.0
+    """Weight of v_z^2 [m2/s2]"""
     angular_velocity_xy: float = -0.05
+    """Weight of w_x^2 + w_y^2 [rad2/s2]"""
     torque: float = -0.0002
+    """Weight of the joints' sum of torque^2 [N2·m2]"""
     joint_acceleration: float = -2.5e-7
+    """Weight of the joints' sum of acceleration^2 [rad2/s4]"""
     air_time: float = 1.0
-    """sum of (time in the air - 0.5 s) at touch-down"""
+    """Weight of the sum of (time in the air - 0.5 s) at touch-down"""
     action_rate: float = -0.01
+    """Weight of the sum of (change of action)^2"""
     pressure: tuple[float, float] = (0.2, 1.5)
-    """Range of the factor on all costs. Within it the factor grows while robots hold the gait and
-    their speed, and shrinks while they do not: first the gait emerges, then it becomes efficient.
-    Above 1 its cube narrows ``width`` too, so that efficiency is not bought with errors of
-    velocity. Equal ends turn this off"""
+    """Least and largest factor on all costs, at least 0. The factor grows while robots hold the
+    gait and their speed, and shrinks while they do not. Above 1 its cube narrows ``width`` too.
+    Equal ends: a fixed factor, 1 in the paper"""
     hold_adherence: float = 0.8
-    """The factor grows above this adherence ..."""
+    """Adherence, 0 to 1, with exploration and pushes: above it the factor grows ..."""
     hold_vx_error: float = 0.2
-    """... and below this error [m/s], both with exploration and pushes. On rough ground 0.13 was
-    never reached, and robots that held their gait went on to burn 220 J/m"""
+    """... if the mean error [m/s] of the forward speed is below this"""
     strict_above: float = 0.85
-    """Adherence from which on, for good, the limits of ``Terminations`` hold and
+    """Adherence, 0 to 1, from which on, for good, the limits of ``Terminations`` hold and
     ``EnvSettings.mistakes`` says what reject edges do. Until then forbidden contacts only earn
-    nothing, and an episode ends when the robot is down: ended at the first wrong step, it never
-    learns the second right one.
-    0 = strict from the beginning, as in the paper"""
+    nothing, and an episode ends when the robot is down. 0 = strict from the beginning, the paper"""
     joint_limit: float = -10.0
-    """sum of the radians beyond 90 % of the joint range (in the authors' code, not in the paper)"""
+    """Weight of the sum of [rad] beyond 90 % of the joints' ranges; of the authors' code alone"""
     power: float = -0.01
-    """sum |torque x joint velocity| / (v + 0.5 m/s) [N], where v is the speed in the wanted
-    direction, at most |c_x|: about the energy per metre, so that it weighs as much at every speed
-    and going too slowly saves little; ours"""
+    """Weight of sum |torque x joint velocity| / (v + 0.5 m/s) [N], about the energy per metre; v is
+    the speed in the wanted direction, at most |c_x|. Ours"""
     velocity_y: float = -1.0
-    """v_y^2; ours"""
+    """Weight of v_y^2 [m2/s2]; ours"""
     foot_lift: float = 0.0
-    """sum over feet of what they are higher than ``free_lift`` [m]; ours. At -8 a trot needs a
-    sixth less energy, but hard gaits come later: of 3 M steps a half_bound adheres at 0.88 to 0.90,
-    and at 0.91 to 0.93 without"""
+    """Weight of the sum over feet of their height above ``free_lift`` [m]; ours"""
     free_lift: float = 0.05
-    """[m] above the ground, to which lifting a foot costs nothing"""
+    """[m] above the ground, at least 0, to which lifting a foot costs nothing"""
     form: Literal["exp", "clip"] = "exp"
     """How costs lower the tracking reward. "clip" = max(0, sum of all terms): the paper's code.
     "exp" = tracking x exp(costs), which stays positive, so that the very first transitions of an
     untrained policy already pay their bonus (Ji et al. 2022)."""
     bonus: float = 1000.0
-    """b: a transition multiplies the reward of its step"""
+    """b, at least 0: a transition multiplies the reward of its step"""
     bonus_on: Literal["dwell", "step"] = "dwell"
     """What a transition's bonus multiplies: R_walk of its step (the paper), or the mean of R_walk
     since the last transition, so that the motion between the poses counts as well"""
     promptness: float = 2.0
-    """A late transition's bonus is multiplied by (dwell / steps waited) to this power. What a delay
-    of a step costs in bonuses a second alone is lost in their noise. 0 = off"""
+    """At least 0: a late transition's bonus is multiplied by (dwell / steps waited) to this power.
+    0 = off"""
 
 
 @dataclass(frozen=True)
@@ -89,37 +88,43 @@ class ObservationNoise:
     """Half-widths of the uniform noise on observations (legged_gym)."""
 
     joint_position: float = 0.01
+    """[rad]"""
     joint_velocity: float = 1.5
+    """[rad/s]"""
     projected_gravity: float = 0.05
+    """[1], of a unit vector"""
     angular_velocity: float = 0.2
+    """[rad/s]"""
 
 
 @dataclass(frozen=True)
 class Randomisation:
-    """What differs between simulated robots, and what disturbs them."""
+    """What differs between simulated robots, and what disturbs them; least and largest of each."""
 
     friction: tuple[float, float] = (0.5, 1.25)
+    """Coefficient of sliding friction between foot and ground, above 0"""
     added_mass: tuple[float, float] = (-1.0, 2.0)
-    """[kg] on the trunk; a real A1 carries a battery and a computer"""
+    """[kg] added to the trunk: a real A1 carries a battery and a computer"""
     centre_of_mass: float = 0.03
-    """[m] of the trunk, at most, along each axis"""
+    """[m], at least 0: the trunk's is moved by up to this along each axis"""
     strength: tuple[float, float] = (0.9, 1.1)
-    """Factor on the servos' gains"""
+    """Factor on the servos' gains, above 0"""
     joint_damping: tuple[float, float] = (0.0, 0.15)
-    """[N·m·s/rad] in place of dry friction. At 0.08 a bound is as much slower as with 0.2 N·m"""
+    """[N·m·s/rad], at least 0: in place of the joints' dry friction"""
     delay: tuple[float, float] = (0.0, 0.02)
-    """[s] from an action to its effect at the joints, in physics steps"""
+    """[s], at least 0, from an action to its effect at the joints, rounded to physics steps"""
     foot_threshold: tuple[float, float] = (1.0, 8.0)
-    """Factor on ``EnvSettings.contact_force`` for each foot: foot sensors miss a light touch"""
+    """Factor on ``EnvSettings.contact_force`` for each foot, above 0: foot sensors miss a light
+    touch"""
     push_interval: float = 15.0
-    """[s] on average; each robot is pushed at moments of its own. At fixed ones, as in legged_gym,
-    a robot that keeps its rhythm would meet every push with the same feet on the ground"""
+    """[s], above 0: mean time between two pushes. Each robot is pushed at moments of its own, so
+    that no gait's rhythm meets all pushes with the same feet on the ground"""
     push_velocity: float = 1.0
-    """[m/s] largest change of the base's velocity along x and along y"""
+    """[m/s], at least 0: largest change of the base's velocity along x and along y"""
     initial_joint: float = 0.1
-    """[rad] around the default pose"""
+    """[rad], at least 0: an episode begins this far around the default pose at most"""
     initial_velocity: float = 0.3
-    """[m/s], [rad/s] of the base"""
+    """[m/s], [rad/s], at least 0: largest speed of the base at the beginning"""
     noise: ObservationNoise = field(default_factory=ObservationNoise)
 
 
@@ -128,8 +133,8 @@ class GroundSettings(ground.Ground):
     """What robots stand on, and when they are sent to harder ground."""
 
     harder_above: float = 0.8
-    """Adherence of a whole episode from which on the robot's next tile is a level harder; that of a
-    robot that fell is a level easier"""
+    """Adherence, 0 to 1, of a whole episode from which on the robot's next tile is a level harder;
+    that of a robot that fell is a level easier"""
 
 
 @dataclass(frozen=True)
@@ -137,20 +142,20 @@ class Terminations:
     """Limits that end an episode before its time, or as ``EnvSettings.mistakes`` says."""
 
     base_height: float = 0.25
-    """[m] lower than this"""
+    """[m] above the ground: least height of the base"""
     base_down: float = 0.15
-    """[m] lower than this: the robot is down, which always ends the episode"""
+    """[m] above the ground: with its base below this, or its knees below ``knee_height``, a robot
+    is down, which always ends the episode"""
     knee_height: float = 0.03
-    """[m] a knee lower than this: the robot is down too, for more than its feet touch the ground"""
+    """[m] above the ground, see ``base_down``"""
     joint_margin: float = 0.05
-    """[rad] beyond a joint's limit"""
+    """[rad] that a joint may be past its limit"""
     action_rate: float = 40.0
-    """sum of |change of action|"""
+    """Largest sum of |change of action| in a policy step"""
     foot_height: float = 0.25
-    """[m] higher than this"""
+    """[m] above the ground: largest height of a foot"""
     joint_speed: float = 1.0
-    """Share of the robot's joint speed limit, beyond which its daemon stops it. A cost on it from
-    the beginning made speeds be followed later, and joints no slower"""
+    """Largest share of the joint speed at which the robot's daemon stops it"""
 
 
 @dataclass(frozen=True)
@@ -158,29 +163,29 @@ class EnvSettings:
     """The learning environment."""
 
     profile: Profile = "imu"
+    """What the policy sees, see :mod:`rmll_contract.observation`"""
     envs: int = 1024
+    """Simulated robots, 1 to 65536"""
     episode: float = 20.0
-    """[s]"""
+    """[s], above 0"""
     command_interval: float = 10.0
-    """[s] between two draws of the commands within an episode"""
+    """[s], above 0, between two draws of the commands within an episode"""
     start: Literal["any", "first"] = "any"
-    """State of the automaton in which an episode begins until the demands are strict. From any
-    state, each pose of the gait is tried from the first episodes on, not only once all those before
-    it are mastered; later, and on the robot, the first state is where a standing robot begins"""
+    """State of the automaton in which an episode begins until the demands are strict: any, so that
+    every pose of the gait is tried from the first episodes on, or the first, as on the robot"""
     contact_force: float = 1.0
-    """[N]"""
+    """[N], above 0: from this load on a foot counts as in contact"""
     clearance: float = 0.03
-    """[m] from which on a foot counts as in the air ..."""
+    """[m] above the ground, from which on a foot counts as in the air ..."""
     first_clearance: float = 0.01
-    """... and that at the beginning, from where it grows with the adherence until the demands are
-    strict. Chance does not lift all feet of a pronk by 3 cm at once"""
+    """... and that at the beginning, at most ``clearance``. It grows with the adherence until the
+    demands are strict"""
     first_gravity: float = 0.3
-    """Share of the earth's gravity at the beginning, which grows in the same way. What chance moves
-    takes light robots off the ground: with all feet at once, or with the two that bear most"""
+    """Share, 0 to 1, of the earth's gravity at the beginning. It grows in the same way"""
     mistakes: Literal["end", "unpaid"] = "unpaid"
     """What a broken limit of ``Terminations`` or a reject edge does while the robot is not down: it
     ends the episode (the paper), or its steps earn nothing and the automaton waits, as it does on
-    the robot. Ended where a push has only bent its knees, a robot never learns the way back"""
+    the robot"""
     ground: GroundSettings = field(default_factory=GroundSettings)
     rewards: Rewards = field(default_factory=Rewards)
     randomisation: Randomisation = field(default_factory=Randomisation)
@@ -192,46 +197,55 @@ class LearnerSettings:
     """PPO and the estimator."""
 
     steps: int = 12_000_000
-    """environment steps in all"""
+    """Environment steps of the whole run, at least 1: of all robots together"""
     rollout: int = 12
-    """policy steps a simulation between two updates. With 24, as rsl-rl's, a gait takes twice the
-    samples; with 8 a bound was not found within 2 M steps, in one run"""
+    """Policy steps of each robot between two updates, at least 1"""
     epochs: int = 2
-    """of the actor. rsl-rl has 5; two, at a higher rate, learn as much in less time"""
+    """Passes of the actor over a rollout, at least 1"""
     critic_epochs: int = 1
-    """With two, gaits took about as many samples, each in a tenth more time. In the actor's other
-    epochs its batches are shared out between both threads"""
+    """Passes of the critic, 1 to ``epochs``. In the actor's other epochs its batches are shared out
+    between both threads"""
     mini_batches: int = 4
+    """Parts into which a rollout is split in each epoch, at least 1"""
     hidden: tuple[int, ...] = (256, 256, 256)
+    """Units of each hidden layer of actor and critic"""
     learning_rate: float = 1e-3
-    """at the beginning"""
+    """At the beginning, within ``rate_range``"""
     rate_range: tuple[float, float] = (1e-4, 4e-3)
-    """Bounds within which the learning rate follows ``desired_kl``. With rsl-rl's own, 1e-5 to
-    1e-2, rare bonuses drive it to the lower one, where nothing is learned"""
+    """Bounds within which the learning rate follows ``desired_kl``"""
     spread_rate: float = 5.0
-    """Factor on the learning rate of the action distribution's spread. Adam moves a logarithm by no
-    more than its rate a step: at 1, exploration outlives its use by millions of steps"""
+    """Factor on the learning rate of the action distribution's spread, above 0"""
     desired_kl: float = 0.01
+    """[nat], above 0: divergence between the policies before and after an update"""
     clip: float = 0.2
+    """Of PPO's probability ratio: it counts from 1 - clip to 1 + clip"""
     clip_value: bool = False
+    """Clip the value loss as well, by ``clip``"""
     gamma: float = 0.99
+    """Discount of a policy step, 0 to 1"""
     lam: float = 0.95
+    """Lambda of generalised advantage estimation, 0 to 1"""
     entropy: tuple[float, float] = (0.003, 0.0003)
-    """Weight of the action distribution's entropy, until the demands are strict and from then on:
-    the noise that finds a gait hides what an efficient one would gain"""
+    """Weight of the action distribution's entropy, until the demands are strict and from then on"""
     initial_std: float = 1.0
+    """Of the actions at the beginning, above 0, before ``Robot.action_scale``"""
     minimum_std: float = 0.05
+    """Least spread of the actions, above 0"""
     max_gradient: float = 1.0
+    """Norm to which each network's gradient is clipped, above 0"""
     estimator_hidden: tuple[int, ...] = (128, 128)
+    """Units of each hidden layer of the state estimator"""
     estimator_rate: float = 1e-3
+    """Learning rate of the state estimator, above 0"""
     estimator_batches: int = 8
+    """Parts into which a rollout is split for the state estimator, at least 1"""
     normalise_returns: bool = True
-    """divide rewards by a running standard deviation of the discounted return"""
+    """Divide rewards by a running standard deviation of the discounted return"""
     bf16: Literal["auto"] | bool = "auto"
-    """matrix products in bfloat16; "auto": if this processor is faster with it, see precision.py"""
+    """Matrix products in bfloat16; "auto": if this processor is faster with it, see precision.py"""
     symmetry: Literal["auto"] | bool = "auto"
     """Of two states that are mirror images, left and right swapped, the networks see one, and the
-    other in the mirror; "auto": if the gait allows it"""
+    other in the mirror; "auto": if the gait allows it. With true any other gait is refused"""
 
 
 @dataclass(frozen=True)
@@ -239,7 +253,9 @@ class TrainSettings:
     """One run."""
 
     gait: str = "trot"
+    """A gait of the library, or a gait file"""
     seed: int = 0
+    """Of the networks, the robots and the commands, 0 to 2^32 - 1"""
     world: EnvSettings = field(default_factory=EnvSettings)
     learner: LearnerSettings = field(default_factory=LearnerSettings)
 

@@ -12,6 +12,7 @@ from rmll_robots import A1
 
 Name = Annotated[str, Meta(min_length=1, max_length=64)]
 Range = Annotated[float, Meta(gt=0, le=1e4)]
+"""Upper end of a range; the lower end is its negative, or 0 for a gain"""
 Identifier = Annotated[int, Meta(ge=0, le=0x7FF)]
 
 LOCAL = "ff01:"
@@ -46,19 +47,26 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     torque: Range
     """[N·m]"""
     kp: Range = 500.0
+    """[N·m/rad]"""
     kd: Range = 5.0
+    """[N·m·s/rad]"""
     reply: Variant = "plain"
+    """What follows the torque in a reply, see :mod:`rmll_onboard.protocol.mit_packets`"""
 
 
 class Actuator(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One joint's: joint angle = sign x actuator angle + offset."""
 
     bus: Name
+    """Its name in ``Can.buses``"""
     id: Annotated[int, Meta(ge=1, le=255)]
+    """Identifier of the frames that command it"""
     model: Name
+    """Its name in ``Can.models``"""
     reply_id: Identifier = 0
     """Identifier of its replies: its master's"""
     sign: Literal[-1, 1] = 1
+    """-1: it turns against the joint"""
     offset: Annotated[float, Meta(ge=-12.6, le=12.6)] = 0.0
     """[rad]"""
 
@@ -67,7 +75,9 @@ class Imu(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The orientation sensor, see :mod:`rmll_onboard.protocol.can_imu`; it takes id and id + 1."""
 
     bus: Name
+    """Its name in ``Can.buses``"""
     id: Annotated[int, Meta(ge=0, le=0x7FE)] = 0x100
+    """Identifier of its first frame"""
 
 
 def _buses() -> dict[str, Bus]:
