@@ -15,7 +15,7 @@ import yaml
 
 from rmll_hil.faults.empty_loop import EmptyLoop
 from rmll_hil.faults.fault_rows import FaultRow, Reaction
-from rmll_hil.faults.fault_trial import MOTION, VX, FaultTrial
+from rmll_hil.faults.fault_trial import MOTION, VX, FaultTrial, words
 from rmll_hil.robot.serve import listen, serve
 
 PATIENCE = 60.0
@@ -75,8 +75,7 @@ def run(row: FaultRow, trial: FaultTrial, policy: Path) -> tuple[Reaction, int |
             daemon.kill()
         text, complaint = daemon.communicate()
     # one that was killed, or that did not start, leaves no report
-    report = json.loads(text) if text.strip() else {"fault": complaint, "warnings": []}
-    told = (report["fault"] or "; ".join(report["warnings"])).strip()
+    told = words(json.loads(text)) if text.strip() else complaint.strip()
     reaction, after_ms = trial.found or trial.reaction()
     return judged(row, (reaction, after_ms, told), beside.late_ms, watch.late_ms)
 

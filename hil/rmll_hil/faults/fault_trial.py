@@ -5,6 +5,7 @@ Whether time is real or virtual is none of its business: it counts the robot's m
 
 import signal
 from collections.abc import Iterator
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -123,6 +124,13 @@ class FaultTrial(Emulator):
             return Reaction.REFUSES, None
         at, last = told[-1]
         return (Reaction.DAMPS, at) if last is Reaction.DAMPS else (Reaction.NEVER_WALKED, None)
+
+
+def words(report: dict[str, Any]) -> str:
+    """The fault of a daemon's report, its name first, or the warnings."""
+    if report["fault"]:
+        return f"{report['fault_name']}: {report['fault']}"
+    return "; ".join(report["warnings"])
 
 
 def _before(plan: Plan) -> Plan:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rmll_common.errors import Failure
 from rmll_hil.faults.fault_rows import FaultRow, Reaction
-from rmll_hil.faults.fault_trial import MOTION, VX, FaultTrial
+from rmll_hil.faults.fault_trial import MOTION, VX, FaultTrial, words
 from rmll_hil.faults.virtual_time import Killed, VirtualTime
 from rmll_onboard.commands.operator import FlagOperator, RemoteOperator
 from rmll_onboard.control.bundle import load_bundle
@@ -33,7 +33,7 @@ def run(row: FaultRow, trial: FaultTrial, policy: Path) -> tuple[Reaction, int |
     loop = Loop(daemon, clock, settings.realtime, cache_warmer=warmer, clock=clock)
     try:
         loop.run(settings.link.startup_timeout)
-        told = daemon.fault or "; ".join(daemon.report()["warnings"])
+        told = words(daemon.report())
     except Killed:
         told = ""
     except Failure as failure:

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from rmll_hil.robot import fault_plan
-from rmll_hil.robot.fault_plan import Fault, Plan
+from rmll_hil.robot.fault_plan import Plan, PlannedFault
 from rmll_hil.robot.motor_board import BRAKE_KD, MotorBoard
 from rmll_hil.robot.sensors import roll_pitch_yaw
 from rmll_hil.robot.world import World, push
@@ -22,7 +22,7 @@ OTHER_PERIOD_MS = 2
 REMOTE_HEAD = bytes((0x55, 0x51))
 """In front of the remote's bytes while there is one. Assumption: the A1's is not published"""
 
-AFault = TypeVar("AFault", bound=Fault)
+AFault = TypeVar("AFault", bound=PlannedFault)
 
 
 class FaultInjector:
@@ -37,7 +37,7 @@ class FaultInjector:
             isinstance(f, fault_plan.RemoteButtons | fault_plan.RemoteLost) for f in plan
         )
         self._stuck: dict[int, float] = {}
-        self._frozen: dict[tuple[Fault, str], np.ndarray] = {}
+        self._frozen: dict[tuple[PlannedFault, str], np.ndarray] = {}
         self._random = np.random.default_rng(0)
         self._last = b""
 

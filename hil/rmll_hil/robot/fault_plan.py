@@ -35,7 +35,7 @@ def _snake_case(name: str) -> str:
     return "".join(f"_{c.lower()}" if c.isupper() else c for c in name).lstrip("_")
 
 
-class Fault(
+class PlannedFault(
     msgspec.Struct,
     frozen=True,
     kw_only=True,
@@ -56,7 +56,7 @@ class Fault(
         return round(self.at * 1000) <= now_ms < end
 
 
-class Network(Fault, frozen=True):
+class Network(PlannedFault, frozen=True):
     """What happens to datagrams on their way. A loss of 1 from the robot is a board gone silent."""
 
     direction: Literal["both", "to_robot", "from_robot"] = "both"
@@ -73,14 +73,14 @@ class Network(Fault, frozen=True):
     """Up to so much more delay, each datagram's own, so that they overtake each other too"""
 
 
-class Frozen(Fault, frozen=True):
+class Frozen(PlannedFault, frozen=True):
     """The board sends its last state again and again."""
 
     clock_runs: bool = False
     """With a tick that goes on"""
 
 
-class _Joint(Fault, frozen=True):
+class _Joint(PlannedFault, frozen=True):
     joint: str
 
 
@@ -119,11 +119,11 @@ class BrakedJoint(_Joint, frozen=True):
     mode: Annotated[int, Meta(ge=0, le=255)] = 8
 
 
-class FlippedImu(Fault, frozen=True):
+class FlippedImu(PlannedFault, frozen=True):
     """The orientation is that of a robot on its back."""
 
 
-class WrongGyro(Fault, frozen=True):
+class WrongGyro(PlannedFault, frozen=True):
     """The gyroscope is off by so much."""
 
     rate: tuple[Wild, Wild, Wild]
@@ -136,62 +136,62 @@ SensorName = Literal[
 ]  # fmt: skip
 
 
-class FrozenSensor(Fault, frozen=True):
+class FrozenSensor(PlannedFault, frozen=True):
     """A sensor goes on with what it read when the fault began, while all others are live."""
 
     sensors: Annotated[tuple[SensorName, ...], Meta(min_length=1)]
 
 
-class DeadSensor(Fault, frozen=True):
+class DeadSensor(PlannedFault, frozen=True):
     """A sensor reads 0; an orientation then is no rotation."""
 
     sensors: Annotated[tuple[SensorName, ...], Meta(min_length=1)]
 
 
-class DeadImu(Fault, frozen=True):
+class DeadImu(PlannedFault, frozen=True):
     """As after a power fault: the orientation of a level robot, and 0 for all else."""
 
 
-class WrongRpy(Fault, frozen=True):
+class WrongRpy(PlannedFault, frozen=True):
     """The board's own roll, pitch and yaw are off by so much."""
 
     rpy: Vector
     """[rad]"""
 
 
-class SwappedQuaternion(Fault, frozen=True):
+class SwappedQuaternion(PlannedFault, frozen=True):
     """The orientation's parts come in the order x, y, z, w; all else is in order."""
 
 
-class NoisyFeet(Fault, frozen=True):
+class NoisyFeet(PlannedFault, frozen=True):
     """The feet's sensors read anything between two values, whatever the load."""
 
     low: Annotated[int, Meta(ge=-32768, le=32767)] = 18
     high: Annotated[int, Meta(ge=-32768, le=32767)] = 29
 
 
-class DeadFoot(Fault, frozen=True):
+class DeadFoot(PlannedFault, frozen=True):
     """The foot's force sensor reads the same whatever the load."""
 
     foot: str
     reads: Annotated[int, Meta(ge=-32768, le=32767)] = 0
 
 
-class Push(Fault, frozen=True):
+class Push(PlannedFault, frozen=True):
     """A force on the middle of the trunk, in the world's directions."""
 
     force: Vector
     """[N]"""
 
 
-class Kick(Fault, frozen=True):
+class Kick(PlannedFault, frozen=True):
     """The base's velocity changes at once; ``seconds`` has no meaning here."""
 
     velocity: tuple[Number, Number]
     """[m/s], along the world's x and y"""
 
 
-class OtherCommander(Fault, frozen=True):
+class OtherCommander(PlannedFault, frozen=True):
     """Somebody else commands the board too, at 500 Hz: the legs into a pose."""
 
     pose: Literal["stand", "crouch"] = "stand"
@@ -199,7 +199,7 @@ class OtherCommander(Fault, frozen=True):
     kd: Annotated[float, Meta(ge=0, le=20)] = 3.0
 
 
-class RemoteButtons(Fault, frozen=True, tag="remote"):
+class RemoteButtons(PlannedFault, frozen=True, tag="remote"):
     """Buttons and sticks of the wireless remote; released while no entry holds them."""
 
     buttons: tuple[str, ...] = ()
@@ -209,7 +209,7 @@ class RemoteButtons(Fault, frozen=True, tag="remote"):
     ry: Stick = 0.0
 
 
-class RemoteLost(Fault, frozen=True):
+class RemoteLost(PlannedFault, frozen=True):
     """The remote's bytes are all zero."""
 
 
@@ -221,7 +221,7 @@ AnyFault = (
 )  # fmt: skip
 Plan = tuple[AnyFault, ...]
 
-KINDS: dict[str, type[Fault]] = {
+KINDS: dict[str, type[PlannedFault]] = {
     str(kind.__struct_config__.tag): kind for kind in get_args(AnyFault)
 }
 
@@ -260,6 +260,6 @@ def _fault(value: Value, robot: Robot) -> AnyFault:
     return fault
 
 
-def _listed(fault: Fault, name: str) -> tuple[str, ...]:
+def _listed(fault: PlannedFault, name: str) -> tuple[str, ...]:
     value = getattr(fault, name, ())
     return (value,) if isinstance(value, str) else value
