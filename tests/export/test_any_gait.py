@@ -79,9 +79,9 @@ def gaits(draw: st.DrawFn) -> MachineTable:
         raise
 
 
-def trained(table: MachineTable, loudness: float, mistakes: str, folder: Path) -> Path:
+def trained(table: MachineTable, loudness: float, on_violation: str, folder: Path) -> Path:
     """A policy after one update, its last layers ``loudness`` times as large."""
-    world = replace(TINY.world, mistakes=mistakes)
+    world = replace(TINY.world, on_violation=on_violation)
     run = Run(replace(TINY, world=world), table)
     run.update()
     with torch.no_grad():
@@ -111,15 +111,15 @@ def walked(bundle: Bundle) -> dict[str, Any]:
 @given(
     table=gaits(),
     loudness=st.sampled_from((1.0, 30.0, 1e3)),
-    mistakes=st.sampled_from(("unpaid", "end")),
+    on_violation=st.sampled_from(("unpaid", "end")),
 )
 def test_every_gait_is_trained_exported_proven_and_walked(
-    table: MachineTable, loudness: float, mistakes: str
+    table: MachineTable, loudness: float, on_violation: str
 ) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         bundle = folder / "any.onnx"
-        export(read(trained(table, loudness, mistakes, folder)), bundle)
+        export(read(trained(table, loudness, on_violation, folder)), bundle)
         loaded = load_bundle(bundle)
         assert prove(loaded) >= 1
         report = walked(loaded)

@@ -105,7 +105,7 @@ def test_the_automaton_agrees_with_a_numpy_replay_of_its_labels() -> None:
 
 
 def test_a_transition_earns_the_bonus_on_its_own_step() -> None:
-    table, plain_rewards = load_gait("trot"), Rewards(bonus_on="step", bonus=1.0)
+    table, plain_rewards = load_gait("trot"), Rewards(bonus_source="step", bonus=1.0)
     env = GaitEnv(table, A1, EnvSettings(envs=64, rewards=replace(plain_rewards, bonus=1000.0)), 0)
     plain = GaitEnv(table, A1, EnvSettings(envs=64, rewards=plain_rewards), 0)
     seen = 0
@@ -154,7 +154,7 @@ def test_a_transitions_bonus_is_multiplied_by_its_promptness() -> None:
 
 @pytest.mark.parametrize("form", ["exp", "clip"])
 def test_rewards_are_never_negative(form: str) -> None:
-    env = make(rewards=Rewards(form=form))
+    env = make(rewards=Rewards(reward_shaping=form))
     for count in range(30):
         assert env.step(3 * random_actions(env, count))[1].min() >= 0
 
@@ -163,7 +163,9 @@ def test_episodes_begin_in_any_state_but_the_sink() -> None:
     env = GaitEnv(load_gait("half_bound"), A1, EnvSettings(envs=64), 0)
     assert set(env.state.tolist()) == {0, 1, 2, 3}
     assert set(make("half_bound", start="first").state.tolist()) == {0}
-    assert set(make("half_bound", rewards=Rewards(strict_above=0.0)).state.tolist()) == {0}
+    assert set(make("half_bound", rewards=Rewards(strict_above_adherence=0.0)).state.tolist()) == {
+        0
+    }
 
 
 def test_commands_stay_in_the_gaits_ranges() -> None:
@@ -215,10 +217,10 @@ def test_an_episode_that_lasts_is_a_time_out() -> None:
 def test_a_reject_edge_ends_the_episode_without_reward() -> None:
     # a rear foot on the ground after the grace period sends Half-Bound into its sink
     low = Terminations(base_height=0.1)
-    strict = Rewards(strict_above=0.0)
+    strict = Rewards(strict_above_adherence=0.0)
     env = make(
         "half_bound", start="first", randomisation=ALIKE, terminations=low, rewards=strict,
-        mistakes="end",
+        on_violation="end",
     )  # fmt: skip
     for _ in range(40):
         age = env.episode_length_buf.clone()
@@ -229,7 +231,9 @@ def test_a_reject_edge_ends_the_episode_without_reward() -> None:
     pytest.fail("a standing robot was never rejected")
 
 
-@pytest.mark.parametrize("lenient", [{"mistakes": "end"}, {"rewards": Rewards(strict_above=0.0)}])
+@pytest.mark.parametrize(
+    "lenient", [{"on_violation": "end"}, {"rewards": Rewards(strict_above_adherence=0.0)}]
+)
 def test_a_forbidden_contact_may_only_earn_nothing(lenient: dict) -> None:
     """Until the demands are strict, or for good if mistakes do not end episodes."""
     low = Terminations(base_height=0.1)
@@ -240,16 +244,16 @@ def test_a_forbidden_contact_may_only_earn_nothing(lenient: dict) -> None:
     assert not done.any() and (rewards == 0).all() and (env.state == env.table.start).all()
 
 
-@pytest.mark.parametrize("mistakes", ["end", "unpaid"])
-def test_a_broken_limit_ends_the_episode_or_earns_nothing(mistakes: str) -> None:
+@pytest.mark.parametrize("on_violation", ["end", "unpaid"])
+def test_a_broken_limit_ends_the_episode_or_earns_nothing(on_violation: str) -> None:
     # all robots stand lower than this one allows
     high = Terminations(base_height=1.0)
-    strict = Rewards(strict_above=0.0)
-    env = make(mistakes=mistakes, randomisation=ALIKE, terminations=high, rewards=strict)
+    strict = Rewards(strict_above_adherence=0.0)
+    env = make(on_violation=on_violation, randomisation=ALIKE, terminations=high, rewards=strict)
     for _ in range(20):
         _, rewards, done, extras = env.step(torch.zeros(ENVS, 12))
-        assert (done == (mistakes == "end")).all() and not extras["time_outs"].any()
-        assert mistakes == "end" or (rewards == 0).all()
+        assert (done == (on_violation == "end")).all() and not extras["time_outs"].any()
+        assert on_violation == "end" or (rewards == 0).all()
 
 
 def test_a_joint_that_turns_faster_than_the_robots_breaks_a_limit() -> None:
@@ -362,7 +366,7 @@ def test_the_same_power_costs_less_the_more_of_the_wanted_speed_is_reached() -> 
     def cost(wanted: float, speed: float) -> float:
         command[:, 0] = wanted
         simulation.base_velocity[:] = torch.tensor([speed, 0.0, 0.0])
-        weighted = reward.terms(simulation, motion, settings, FINE, pressure=1.0, dt=env.dt)
+        weighted = reward.terms(simulation, motion, settings, FINE, cost_scale=1.0, dt=env.dt)
         return -float(weighted["power"][0])
 
     assert cost(0.8, 0.8) == pytest.approx(cost(-0.8, -0.8)) == pytest.approx(0.12 / 1.3)
@@ -370,16 +374,16 @@ def test_the_same_power_costs_less_the_more_of_the_wanted_speed_is_reached() -> 
     assert cost(0.8, -0.4) == cost(0.8, 0.0) == cost(0.0, 0.4)
 
 
-@pytest.mark.parametrize("pressure", [0.2, 1.0, 1.5])
-def test_pressure_above_one_narrows_both_tracking_rewards_alike(pressure: float) -> None:
+@pytest.mark.parametrize("cost_scale", [0.2, 1.0, 1.5])
+def test_pressure_above_one_narrows_both_tracking_rewards_alike(cost_scale: float) -> None:
     env, settings = make(), Rewards()
     simulation, error = env.simulation, 0.2
     simulation.base_velocity[:], simulation.angular_velocity[:] = 0.0, 0.0
     motion = still(torch.tensor([error, error, 9.0]).expand(ENVS, 3))
 
-    weighted = reward.terms(simulation, motion, settings, FINE, pressure, env.dt)
+    weighted = reward.terms(simulation, motion, settings, FINE, cost_scale, env.dt)
 
-    narrowed = max(1.0, pressure) ** 3
+    narrowed = max(1.0, cost_scale) ** 3
     kernels = [np.exp(-(error**2) * narrowed / w) for w in (settings.width, FINE.vx)]
     for name in ("velocity_x", "velocity_yaw"):
         kept = float(weighted[name][0]) / getattr(settings, name)

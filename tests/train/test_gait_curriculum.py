@@ -15,26 +15,26 @@ WEIGHT = 122.2
 
 
 def test_pressure_grows_only_while_gait_and_speed_are_held_and_stays_in_its_range() -> None:
-    demands = GaitCurriculum(EnvSettings(rewards=Rewards(pressure=(0.5, 2.0))))
+    demands = GaitCurriculum(EnvSettings(rewards=Rewards(cost_scale=(0.5, 2.0))))
     demands.update(adherence=0.1, vx_error=0.0, steps=12)
-    assert demands.pressure == 0.5
+    assert demands.cost_scale == 0.5
     for _ in range(500):
         demands.update(adherence=0.99, vx_error=0.05, steps=12)
-    assert demands.pressure == 2.0
+    assert demands.cost_scale == 2.0
     demands.update(adherence=0.99, vx_error=0.5, steps=12)
-    assert demands.pressure < 2.0
+    assert demands.cost_scale < 2.0
 
 
 def test_reject_edges_open_once_the_gait_is_there_and_stay_open() -> None:
-    demands = GaitCurriculum(EnvSettings(rewards=Rewards(strict_above=0.7)))
+    demands = GaitCurriculum(EnvSettings(rewards=Rewards(strict_above_adherence=0.7)))
     for adherence, strict in ((0.6, False), (0.75, True), (0.1, True)):
         _hold(demands, adherence)
         assert demands.strict == strict
-    assert GaitCurriculum(EnvSettings(rewards=Rewards(strict_above=0.0))).strict
+    assert GaitCurriculum(EnvSettings(rewards=Rewards(strict_above_adherence=0.0))).strict
 
 
 def test_feet_have_to_be_lifted_higher_as_the_gait_comes_and_never_lower_again() -> None:
-    rewards = Rewards(strict_above=0.7)
+    rewards = Rewards(strict_above_adherence=0.7)
     demands = GaitCurriculum(EnvSettings(first_clearance=0.01, clearance=0.03, rewards=rewards))
     seen = [demands.clearance]
     for adherence in (0.35, 0.1, 0.9, 0.0):

@@ -22,7 +22,13 @@ ROOT = Path(__file__).parents[2]
 BUNDLES = sorted((ROOT / "policies").glob("*.onnx"))
 MACHINE = {"learner.bf16"}
 """Settings that depend on the processor and are in no recipe"""
-TODAY: dict[str, str | None] = {}
+TODAY: dict[str, str | None] = {
+    "world.mistakes": "world.on_violation",
+    "world.rewards.pressure": "world.rewards.cost_scale",
+    "world.rewards.strict_above": "world.rewards.strict_above_adherence",
+    "world.rewards.form": "world.rewards.reward_shaping",
+    "world.rewards.bonus_on": "world.rewards.bonus_source",
+}
 """What settings of the bundles are called today; None: no setting any more"""
 
 SMALL = """

@@ -71,7 +71,7 @@ def test_a_run_leaves_settings_checkpoint_policy_curves_and_result(tmp_path: Pat
 
 def test_a_policy_that_never_learned_the_gait_is_measured_by_all_of_its_rules() -> None:
     """A half_bound rejects standing on all feet; until the demands are strict it only waits."""
-    env = GaitEnv(load_gait("half_bound"), A1, EnvSettings(envs=ENVS, mistakes="end"), seed=0)
+    env = GaitEnv(load_gait("half_bound"), A1, EnvSettings(envs=ENVS, on_violation="end"), seed=0)
     assert not env.demands.strict
     sums = evaluate(lambda _: torch.zeros(ENVS, 12), env, steps=50)
     assert sums.metrics()["early_ends"] == 1.0

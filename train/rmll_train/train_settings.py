@@ -8,7 +8,7 @@ authors' code, with our departures turned off.
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import msgspec
 
@@ -25,6 +25,12 @@ MOST_ENVS, MOST_SAMPLES = 2**16, 2**24
 class Rewards:
     """R_walk and the bonus. Weights, per second: rewards above 0, costs below 0, 0 = off."""
 
+    RENAMED: ClassVar[dict[str, str]] = {
+        "pressure": "cost_scale",
+        "strict_above": "strict_above_adherence",
+        "form": "reward_shaping",
+        "bonus_on": "bonus_source",
+    }
     velocity_x: float = 1.0
     """Weight of exp(-(c_x - v_x)^2 / width), the forward speed's tracking"""
     velocity_yaw: float = 0.7
@@ -46,7 +52,7 @@ class Rewards:
     """Weight of the sum of (time in the air - 0.5 s) at touch-down"""
     action_rate: float = -0.01
     """Weight of the sum of (change of action)^2"""
-    pressure: tuple[float, float] = (0.2, 1.5)
+    cost_scale: tuple[float, float] = (0.2, 1.5)
     """Least and largest factor on all costs, at least 0. The factor grows while robots hold the
     gait and their speed, and shrinks while they do not. Above 1 its cube narrows ``width`` too.
     Equal ends: a fixed factor, 1 in the paper"""
@@ -54,9 +60,9 @@ class Rewards:
     """Adherence, 0 to 1, with exploration and pushes: above it the factor grows ..."""
     hold_vx_error: float = 0.2
     """... if the mean error [m/s] of the forward speed is below this"""
-    strict_above: float = 0.85
+    strict_above_adherence: float = 0.85
     """Adherence, 0 to 1, from which on, for good, the limits of ``Terminations`` hold and
-    ``EnvSettings.mistakes`` says what reject edges do. Until then forbidden contacts only earn
+    ``EnvSettings.on_violation`` says what reject edges do. Until then forbidden contacts only earn
     nothing, and an episode ends when the robot is down. 0 = strict from the beginning, the paper"""
     joint_limit: float = -10.0
     """Weight of the sum of [rad] beyond 90 % of the joints' ranges; of the authors' code alone"""
@@ -69,13 +75,13 @@ class Rewards:
     """Weight of the sum over feet of their height above ``free_lift`` [m]; ours"""
     free_lift: float = 0.05
     """[m] above the ground, at least 0, to which lifting a foot costs nothing"""
-    form: Literal["exp", "clip"] = "exp"
+    reward_shaping: Literal["exp", "clip"] = "exp"
     """How costs lower the tracking reward. "clip" = max(0, sum of all terms): the paper's code.
     "exp" = tracking x exp(costs), which stays positive, so that the very first transitions of an
     untrained policy already pay their bonus (Ji et al. 2022)."""
     bonus: float = 1000.0
     """b, at least 0: a transition multiplies the reward of its step"""
-    bonus_on: Literal["dwell", "step"] = "dwell"
+    bonus_source: Literal["dwell", "step"] = "dwell"
     """What a transition's bonus multiplies: R_walk of its step (the paper), or the mean of R_walk
     since the last transition, so that the motion between the poses counts as well"""
     promptness: float = 2.0
@@ -139,7 +145,7 @@ class GroundSettings(ground.Ground):
 
 @dataclass(frozen=True)
 class Terminations:
-    """Limits that end an episode before its time, or as ``EnvSettings.mistakes`` says."""
+    """Limits that end an episode before its time, or as ``EnvSettings.on_violation`` says."""
 
     base_height: float = 0.25
     """[m] above the ground: least height of the base"""
@@ -162,6 +168,7 @@ class Terminations:
 class EnvSettings:
     """The learning environment."""
 
+    RENAMED: ClassVar[dict[str, str]] = {"mistakes": "on_violation"}
     profile: Profile = "imu"
     """What the policy sees, see :mod:`rmll_contract.observation`"""
     envs: int = 1024
@@ -182,7 +189,7 @@ class EnvSettings:
     demands are strict"""
     first_gravity: float = 0.3
     """Share, 0 to 1, of the earth's gravity at the beginning. It grows in the same way"""
-    mistakes: Literal["end", "unpaid"] = "unpaid"
+    on_violation: Literal["end", "unpaid"] = "unpaid"
     """What a broken limit of ``Terminations`` or a reject edge does while the robot is not down: it
     ends the episode (the paper), or its steps earn nothing and the automaton waits, as it does on
     the robot"""
@@ -297,9 +304,9 @@ class TrainSettings:
 def paper(settings: TrainSettings) -> TrainSettings:
     """The paper's observation, rewards and learner; what we added is off."""
     rewards = replace(
-        settings.world.rewards, form="clip", bonus_on="step", power=0.0, velocity_y=0.0,
-        fine_share=0.0, velocity_yaw=0.5,
-        pressure=(1.0, 1.0), strict_above=0.0, promptness=0.0,
+        settings.world.rewards, reward_shaping="clip", bonus_source="step", power=0.0,
+        velocity_y=0.0, fine_share=0.0, velocity_yaw=0.5,
+        cost_scale=(1.0, 1.0), strict_above_adherence=0.0, promptness=0.0,
     )  # fmt: skip
     randomisation = replace(
         settings.world.randomisation, added_mass=(0.0, 0.0), centre_of_mass=0.0,
@@ -307,7 +314,7 @@ def paper(settings: TrainSettings) -> TrainSettings:
     )  # fmt: skip
     world = replace(
         settings.world, profile="paper", command_interval=settings.world.episode, start="first",
-        first_clearance=settings.world.clearance, first_gravity=1.0, mistakes="end",
+        first_clearance=settings.world.clearance, first_gravity=1.0, on_violation="end",
         rewards=rewards, randomisation=randomisation,
         terminations=replace(settings.world.terminations, joint_speed=1000.0),
     )  # fmt: skip

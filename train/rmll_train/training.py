@@ -192,7 +192,7 @@ class Run:
         walked = env.take_metrics().metrics()
         env.demands.update(walked["adherence"], walked["vx_error"], rollout)
         metrics = walked | {
-            "pressure": env.demands.pressure,
+            "cost_scale": env.demands.cost_scale,
             "strict": float(env.demands.strict),
             "action_std": float(learner.policy.output_std.detach().mean()),
             "learning_rate": learner.learning_rate,

@@ -51,25 +51,25 @@ class TerrainCurriculum:
 class GaitCurriculum:
     """What is asked of all robots alike, moved by how well they walk."""
 
-    _STATE = "pressure", "adherence", "progress"
+    _STATE = "cost_scale", "adherence", "progress"
     RATE = 1.0016
-    """Factor on the pressure from one policy step to the next: tenfold in 29 s of walking"""
+    """Factor on the cost_scale from one policy step to the next: tenfold in 29 s of walking"""
     MEMORY = 50
     """Policy steps over which the adherence is averaged. A run's very first ones are full of
     transitions that nobody made: of robots that begin in the pose which their state waits for"""
 
     def __init__(self, world: EnvSettings):
         self._world = world
-        self.pressure = world.rewards.pressure[0]
+        self.cost_scale = world.rewards.cost_scale[0]
         """Factor on all costs of R_walk"""
         self.adherence = 0.0
         """Of late, see ``MEMORY``"""
-        self.progress = 0.0 if world.rewards.strict_above > 0 else 1.0
+        self.progress = 0.0 if world.rewards.strict_above_adherence > 0 else 1.0
         """Highest adherence so far as a share of that from which on the demands are strict"""
 
     @property
     def strict(self) -> bool:
-        """The limits hold, and ``EnvSettings.mistakes`` says what reject edges do."""
+        """The limits hold, and ``EnvSettings.on_violation`` says what reject edges do."""
         return self.progress >= 1.0
 
     @property
@@ -89,16 +89,20 @@ class GaitCurriculum:
         return {name: getattr(self, name) for name in self._STATE}
 
     def load_state_dict(self, saved: dict[str, float]) -> None:
+        if "pressure" in saved:  # as it was called in checkpoints of older versions
+            saved = {"cost_scale": saved["pressure"], **saved}
         for name in self._STATE:
             setattr(self, name, saved[name])
 
     def update(self, adherence: float, vx_error: float, steps: int) -> None:
         """After a rollout of so many policy steps with these means over all robots."""
         settings = self._world.rewards
-        low, high = settings.pressure
+        low, high = settings.cost_scale
         holds = adherence > settings.hold_adherence and vx_error < settings.hold_vx_error
         factor = self.RATE ** (steps if holds else -steps)
-        self.pressure = min(high, max(low, self.pressure * factor))
+        self.cost_scale = min(high, max(low, self.cost_scale * factor))
         self.adherence += (adherence - self.adherence) * min(1.0, steps / self.MEMORY)
         if not self.strict:
-            self.progress = max(self.progress, min(1.0, self.adherence / settings.strict_above))
+            self.progress = max(
+                self.progress, min(1.0, self.adherence / settings.strict_above_adherence)
+            )

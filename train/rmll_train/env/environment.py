@@ -194,7 +194,7 @@ class GaitEnv(VecEnv):
 
     @property
     def _ends_at_mistakes(self) -> bool:
-        return self.demands.strict and self.world.mistakes == "end"
+        return self.demands.strict and self.world.on_violation == "end"
 
     def _step_machine(self) -> tuple[machine.Step, Tensor]:
         """The automaton's step, and the robots whose contacts a reject edge forbids (n,).
@@ -220,13 +220,13 @@ class GaitEnv(VecEnv):
         motion = reward.BaseMotion(
             self.command, taken, self._last_action, self._last_joint_velocity, landed_after
         )
-        pressure = self.demands.pressure
-        terms = reward.terms(self.simulation, motion, settings, self._fine, pressure, self.dt)
-        walk = reward.walking(terms, settings, pressure, self.dt)
+        cost_scale = self.demands.cost_scale
+        terms = reward.terms(self.simulation, motion, settings, self._fine, cost_scale, self.dt)
+        walk = reward.walking(terms, settings, cost_scale, self.dt)
         walk = walk * ~unpaid
         self._dwell_reward = self._dwell_reward + walk
         waited = self.phi + 1
-        praised = walk if settings.bonus_on == "step" else self._dwell_reward / waited
+        praised = walk if settings.bonus_source == "step" else self._dwell_reward / waited
         dwell = self.machine.dwell[self.state, self.contacts.label]
         promptness = reward.promptness(dwell, self.command[:, 2], waited)
         praised = praised * promptness**settings.promptness

@@ -55,11 +55,11 @@ def terms(
     motion: BaseMotion,
     settings: Rewards,
     fine: FineWidths,
-    pressure: float,
+    cost_scale: float,
     dt: float,
 ) -> dict[str, Tensor]:
     """Weighted terms of R_walk per second, each (n,); the first two are the tracking rewards."""
-    wide, narrowed = settings.width, max(1.0, pressure) ** 3
+    wide, narrowed = settings.width, max(1.0, cost_scale) ** 3
     velocity, spin = simulation.base_velocity, simulation.angular_velocity
     joint_velocity, torque = simulation.joint_velocity, simulation.torque
     acceleration = (motion.last_joint_velocity - joint_velocity) / dt
@@ -86,12 +86,12 @@ def terms(
     return {name: value * getattr(settings, name) for name, value in raw.items()}
 
 
-def walking(weighted: dict[str, Tensor], settings: Rewards, pressure: float, dt: float) -> Tensor:
-    """R_walk (n,) >= 0 of one policy step, from :func:`terms`; ``pressure`` scales the costs."""
+def walking(weighted: dict[str, Tensor], settings: Rewards, cost_scale: float, dt: float) -> Tensor:
+    """R_walk (n,) >= 0 of one policy step, from :func:`terms`; ``cost_scale`` scales the costs."""
     values = list(weighted.values())
     tracking = values[0] + values[1]
-    rest = torch.stack(values[2:]).sum(0) * pressure
-    if settings.form == "clip":
+    rest = torch.stack(values[2:]).sum(0) * cost_scale
+    if settings.reward_shaping == "clip":
         return (tracking + rest).clamp(min=0) * dt
     return tracking * rest.clamp(max=0).exp() * dt
 
