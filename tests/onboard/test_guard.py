@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from rmll_gaits.load import load_gait
 from rmll_gaits.table import ADVANCE
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
 from rmll_onboard.interface.state_receiver import StateReceiver
-from rmll_onboard.protocol import a1_packets
 from rmll_onboard.safety.gait_monitor import GaitMonitor
 from rmll_onboard.safety.guard import ActionGuard, Guard, SafetyInput
 from rmll_onboard.settings.runtime_settings import LinkSettings, Safety
@@ -16,6 +16,7 @@ from rmll_onboard.state.attitude import projected_gravity, roll_pitch
 from rmll_onboard.state.robot_state import MODE_SERVO, MotorCommand, RobotState
 from rmll_robots import A1
 
+BOARD = A1BoardPackets()
 PERIOD = 5_000_000
 FR_CALF = 2
 
@@ -57,7 +58,7 @@ class Bench:
             state.mode[:] = self.command.mode
             state.tau[:] = self.command.kp * (self.command.q - state.q)
             state.tau -= self.command.kd * state.dq
-        datagrams = self.datagrams(a1_packets.encode_state(state))
+        datagrams = self.datagrams(BOARD.encode_state(state))
         fresh = self.receiver.take(self.now, datagrams, resting=False)
         seen = self.receiver.state
         gravity = projected_gravity(seen.quaternion)
@@ -124,7 +125,7 @@ def silence(bench):
 
 
 def freeze(bench):
-    last = a1_packets.encode_state(bench.state)
+    last = BOARD.encode_state(bench.state)
     bench.datagrams = lambda good: [last]
 
 

@@ -73,7 +73,7 @@ class A1BoardPackets:
         fields.append(0)
         order, sign = self._joint_of, self._sign
         torque = (sign * state.tau[order] * _TORQUE).clip(-32768, 32767)
-        if not np.isfinite(sum(fields) + state.q.sum() + state.dq.sum() + torque.sum()):
+        if not np.isfinite(sum(fields) + state.q.sum() + state.dq.sum() + state.tau.sum()):
             raise ValueError(_NOT_FINITE)
         columns = (
             state.mode[order].tolist(),
