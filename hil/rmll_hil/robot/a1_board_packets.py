@@ -11,6 +11,7 @@ bytes and a checksum over all whole words before it.
 
 import struct
 from collections.abc import Sequence
+from math import isfinite
 
 import numpy as np
 
@@ -45,9 +46,10 @@ class A1BoardPackets:
 
     def __init__(self, signs: Sequence[int] = VENDOR_SIGNS) -> None:
         """``signs`` (12,), a slot's: other ones are a robot that is built or wired otherwise."""
-        self._joint_of = np.array([A1.joint_names.index(name) for name in MOTORS])
-        self._slot_of = np.argsort(self._joint_of)
-        self._sign = np.array(signs)
+        joints = [A1.joint_names.index(name) for name in MOTORS]
+        self._slots = list(zip(joints, signs, strict=True))
+        self._slot_of = np.argsort(joints)
+        self._sign = np.array(signs, float)[self._slot_of]
 
     def decode_command(self, datagram: bytes) -> MotorCommand:
         """Raises BadPacket for what a board would drop."""
@@ -58,12 +60,15 @@ class A1BoardPackets:
             raise BadPacket(Reason.LEVEL)
         if fields[-1] != checksum(datagram[:604]):
             raise BadPacket(Reason.CRC)
-        slots = np.array(fields[5 : 5 + 6 * 12], float).reshape(12, 6)
-        slots[:, 1:4] *= self._sign[:, None]
-        mode, q, dq, torque, kp, kd = slots[self._slot_of].T
-        if not np.isfinite(slots[:, 1:3]).all():
+        mode, q, dq, torque, kp, kd = (
+            np.array(fields[5 : 5 + 6 * 12]).reshape(12, 6).T[:, self._slot_of]
+        )
+        if not isfinite(sum(q.tolist()) + sum(dq.tolist())):
             raise BadPacket(Reason.NOT_FINITE)
-        return MotorCommand(mode.astype(np.uint8), q, dq, torque / _TORQUE, kp / _KP, kd / _KD)
+        sign = self._sign
+        return MotorCommand(
+            mode.astype(np.uint8), sign * q, sign * dq, sign * torque / _TORQUE, kp / _KP, kd / _KD
+        )
 
     def encode_state(self, state: RobotState) -> bytes:
         """Integer fields saturate. Raises ValueError if anything is not finite."""
@@ -71,25 +76,20 @@ class A1BoardPackets:
         for measured in (state.quaternion, state.gyro, state.accelerometer, state.rpy):
             fields += measured.tolist()
         fields.append(0)
-        order, sign = self._joint_of, self._sign
-        torque = (sign * state.tau[order] * _TORQUE).clip(-32768, 32767)
-        if not np.isfinite(sum(fields) + state.q.sum() + state.dq.sum() + state.tau.sum()):
-            raise ValueError(_NOT_FINITE)
-        columns = (
-            state.mode[order].tolist(),
-            (sign * state.q[order]).tolist(),
-            (sign * state.dq[order]).tolist(),
-            torque.astype(int).tolist(),
-            state.temperature[order].tolist(),
-        )
-        for mode, q, dq, counts, temperature in zip(*columns, strict=True):
-            fields += mode, q, dq, 0, counts, 0, 0, 0, temperature
-        fields += state.foot_force.tolist()
-        fields += 0, 0, 0, 0, state.tick & 0xFFFFFFFF, state.remote, 0
+        mode, temperature = state.mode.tolist(), state.temperature.tolist()
+        q, dq, torque = state.q.tolist(), state.dq.tolist(), (state.tau * _TORQUE).tolist()
         try:
+            for joint, sign in self._slots:
+                counts = min(max(int(sign * torque[joint]), -32768), 32767)
+                fields += mode[joint], sign * q[joint], sign * dq[joint], 0, counts
+                fields += 0, 0, 0, temperature[joint]
+            if not isfinite(sum(fields)):
+                raise ValueError
+            fields += state.foot_force.tolist()
+            fields += 0, 0, 0, 0, state.tick & 0xFFFFFFFF, state.remote, 0
             return sealed(_STATE.pack(*fields))
-        except OverflowError:  # beyond 32 bits
-            raise ValueError(_NOT_FINITE) from None
+        except (OverflowError, ValueError):  # beyond 32 bits, or no number
+            raise ValueError("a packet carries finite numbers only") from None
 
 
 def sealed(packet: bytes) -> bytes:
@@ -120,8 +120,8 @@ def checksum(data: bytes) -> int:
     """
     words = np.frombuffer(data, "<u4").astype(">u4")
     words[:1] ^= 0xFFFFFFFF
-    values = words.view(np.uint8)[::-1]
-    return int(np.bitwise_xor.reduce(_REMAINDERS[_PLACES[: len(values)], values]))
+    entries = _ROWS[-len(data) :] + words.view(np.uint8)
+    return int(np.bitwise_xor.reduce(_REMAINDERS.take(entries)))
 
 
 def _remainders(places: int) -> np.ndarray:
@@ -137,6 +137,6 @@ def _remainders(places: int) -> np.ndarray:
     return table
 
 
-_REMAINDERS = _remainders(764)
-_PLACES = np.arange(764)
-_NOT_FINITE = "a packet carries finite numbers only"
+_REMAINDERS = _remainders(764).ravel()
+_ROWS = 256 * np.arange(764)[::-1]
+"""Where a byte's row begins, by how many bytes follow it: the last one's is 0"""
