@@ -178,7 +178,7 @@ def noticed(folder: Path, tests: tuple[str, ...]) -> str | None:
     """The first test that fails, None if all pass."""
     command = [sys.executable, "-B", "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
     path = os.pathsep.join(str(folder / name) for name in PACKAGES)
-    environment = os.environ | {"PYTHONPATH": path}
+    environment = os.environ | {"PYTHONPATH": path, "HYPOTHESIS_PROFILE": "mutation"}
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     if done.returncode == 0:
         return None
