@@ -4,7 +4,7 @@ VENV := .venv
 PIP := $(VENV)/bin/pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO := hil-runs/demo-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: demo test fuzz mutation golden bench bench-train time-to-gait lint typecheck setup clean
+.PHONY: demo test fuzz mutation protocol-mutation golden bench bench-train time-to-gait lint typecheck setup clean
 
 # What the emulator and the daemon need; no torch.
 demo: $(VENV)/.hil
@@ -21,6 +21,10 @@ fuzz: setup
 mutation: setup
 	$(PIP) mutmut==3.8.1
 	$(VENV)/bin/python tests/mutation/run.py
+
+# Does a test notice when the runtime gets a packet's fields wrong? Some minutes.
+protocol-mutation: setup
+	$(VENV)/bin/python tests/mutation/protocol.py
 
 # Timings; run them on an idle machine.
 bench-train: setup

@@ -50,6 +50,15 @@ APART = {
     "recording": {"protocol", "interface", "commands", "safety"},
 }
 """Rooms that need not know these, although they are below or beside them"""
+ROBOT_END_MAY_USE = (
+    "rmll_onboard.state.packet_errors.",
+    "rmll_onboard.state.robot_state.RobotState",
+    "rmll_onboard.state.robot_state.MotorCommand",
+    "rmll_onboard.settings.can_settings.",
+    "rmll_onboard.interface.transport.",
+)
+"""What hil's robot/ takes from the runtime that it judges: structs, settings and a socket, but no
+codec and no number of one"""
 HEAVY = {"torch", "mujoco", "onnx", "matplotlib", "rsl_rl", "tensorboard", "safetensors"}
 MOST_MODULES = 16
 """In a folder"""
@@ -89,6 +98,13 @@ def test_rooms_use_only_those_below_them(package: str) -> None:
             ours = {name for name in imports(path) if name.startswith(f"{package}.")}
             used = {name.split(".")[1] for name in ours} & set(rooms)
             assert used <= {*rooms[: height + 1]} - APART.get(room, set()), path
+
+
+def test_the_emulated_robot_has_a_codec_of_its_own() -> None:
+    """If it read packets as the runtime writes them, a misread field would not be seen."""
+    for path in (ROOT / "hil" / "rmll_hil" / "robot").glob("*.py"):
+        taken = {name for name in imports(path) if name.startswith("rmll_onboard.")}
+        assert {name for name in taken if not name.startswith(ROBOT_END_MAY_USE)} == set(), path
 
 
 def test_a_file_or_class_name_stands_for_one_thing() -> None:

@@ -67,8 +67,9 @@ def serve_command(
 def _serve_can(robot: EmulatorSettings, can: Can, plan: Plan, log: Path | None) -> None:
     if plan:
         raise InputError("--faults: a fault plan needs --link udp")
+    layout = Layout(can, A1)  # first, for it says best what does not fit
     wire = CanRobot(can, A1)
-    link = CanTransport(can.buses, Layout(can, A1).commands())
+    link = CanTransport(can.buses, layout.commands())
     with Stop().on_signals() as stop, closing(link) as buses:
         emulator = Emulator(robot, wire=wire)
         print(f"listening on {buses.name}", flush=True)

@@ -30,7 +30,6 @@ from rmll_hil.runs import lockstep
 from rmll_onboard.commands.operator import OperatorCommand
 from rmll_onboard.control.bundle import load_bundle
 from rmll_onboard.interface.can_layout import Layout
-from rmll_onboard.protocol import mit_packets
 from rmll_onboard.protocol.a1_remote import Remote
 from rmll_onboard.safety.sensor_monitor import IN_A_WALK, SensorMonitor
 from rmll_onboard.settings.runtime_settings import RuntimeSettings
@@ -209,17 +208,10 @@ class Robots:
     def _over_can(self, q: Any, dq: Any, tau: Any, quaternion: Any, gyro: Any) -> None:
         """What CAN makes of every second robot's state, in place."""
         layout, odd = self._layout, slice(1, None, 2)
-        position, velocity, torque = mit_packets.measured(
-            layout.ranges,
-            mit_packets.measure(
-                layout.ranges,
-                layout.to_actuator(q[odd]),
-                layout.sign * dq[odd],
-                layout.sign * tau[odd],
-            ),
-        )
-        q[odd] = layout.to_joint(position)
-        dq[odd], tau[odd] = layout.sign * velocity, layout.sign * torque
+        ranges = layout.ranges
+        q[odd] = layout.to_joint(_in_steps(layout.to_actuator(q[odd]), ranges.position, 16))
+        dq[odd] = _in_steps(dq[odd], ranges.velocity, 12)
+        tau[odd] = _in_steps(tau[odd], ranges.torque, 12)
         quaternion[odd] = np.rint(quaternion[odd] * 32767) / 32767
         gyro[odd] = np.rint(gyro[odd] * 900) / 900
 
@@ -227,6 +219,13 @@ class Robots:
         monitor = SensorMonitor(A1, SAFETY, Streams(*[robot % 2 == 0] * 2), 1e-3)
         monitor.values._changed[:] = [self._now * 1_000_000] * len(monitor.values._changed)
         return monitor
+
+
+def _in_steps(values: np.ndarray, end: np.ndarray, bits: int) -> np.ndarray:
+    """Rounded to the nearest of 2^bits values from -end to end."""
+    top = 2**bits - 1
+    share = (values / end).clip(-1, 1) * 0.5 + 0.5
+    return (np.rint(share * top) / top * 2 - 1) * end
 
 
 def trained(number: int) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
 from rmll_onboard.control.bundle import Bundle
 from rmll_onboard.control.controller import Controller, PolicyInput, prove
 from rmll_onboard.protocol import a1_packets
@@ -16,7 +17,7 @@ def state() -> bytes:
     standing.q[:] = A1.default_pose
     standing.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
     standing.foot_force[:] = 60
-    return a1_packets.encode_state(standing)
+    return A1BoardPackets().encode_state(standing)
 
 
 def test_bare_onnxruntime(benchmark, bundle: Bundle) -> None:

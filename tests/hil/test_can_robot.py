@@ -1,10 +1,12 @@
 """Both ends of CAN, datagram for datagram: the wire of the daemon and the emulated actuators."""
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rmll_common.errors import InputError
 from rmll_hil.robot.can_robot import CanRobot
 from rmll_onboard.control.leg_force import LegForce
 from rmll_onboard.interface.can_interface import CanInterface
@@ -49,8 +51,9 @@ def mixed(variant: Variant = "ak") -> Can:
 class Pair:
     """A wire and actuators that take turns on a clock of their own."""
 
-    def __init__(self, can: Can) -> None:
-        self.robot = CanRobot(can, A1)
+    def __init__(self, can: Can, built: Can | None = None) -> None:
+        """``can`` is what the daemon is told, ``built`` how the robot is, if otherwise."""
+        self.robot = CanRobot(built or can, A1)
         self.wire = CanInterface(can, A1)
         self.state = RobotState(quaternion=np.array([1.0, 0, 0, 0]), q=A1.stand_pose.copy())
         self.now = 0
@@ -125,6 +128,31 @@ def test_commands_and_states_arrive_through_signs_offsets_and_ranges(variant):
     assert found.temperature.tolist() == (list(range(30, 42)) if tells else [0] * 12)
     assert (heard.mode == MODE_SERVO).all()
     assert (found.mode == MODE_SERVO).all()
+
+
+def test_an_actuator_mounted_the_other_way_is_not_what_the_settings_say():
+    can = mixed()
+    actuators = dict(can.actuators)
+    joint, turned = "FL_thigh_joint", actuators["FL_thigh_joint"]
+    actuators[joint] = msgspec.structs.replace(turned, sign=-turned.sign)
+    pair = Pair(can, msgspec.structs.replace(can, actuators=actuators))
+    pair.state.dq[:] = pair.state.tau[:] = 3.0
+    pair.command.dq[:] = 2.0
+    pair.open().tick()
+    here = A1.joint_names.index(joint)
+    expected = np.where(np.arange(12) == here, -1.0, 1.0)
+    np.testing.assert_allclose(pair.wire.state.dq, 3.0 * expected, atol=0.02)
+    np.testing.assert_allclose(pair.wire.state.tau, 3.0 * expected, atol=0.02)
+    np.testing.assert_allclose(pair.heard.dq, 2.0 * expected, atol=0.02)
+    mirrored = 2 * turned.offset - pair.state.q[here]
+    assert pair.wire.state.q[here] == pytest.approx(mirrored, abs=1e-3)
+
+
+def test_a_robot_with_other_joints_is_refused():
+    can = mixed()
+    actuators = {name: each for name, each in can.actuators.items() if name != "RL_calf_joint"}
+    with pytest.raises(InputError, match="can: actuators: expected one for each of FR_hip_joint"):
+        CanRobot(msgspec.structs.replace(can, actuators=actuators), A1)
 
 
 def test_damping_asks_for_no_position(pair):

@@ -7,8 +7,8 @@ import pytest
 from rmll_hil.faults.fault_rows import ROWS, Reaction
 from rmll_hil.golden import FAULT_PREFIX, FAULTS, FOLDER
 from rmll_hil.replay.replay import find_bundle, replay
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
 from rmll_onboard.control.bundle import load_bundle
-from rmll_onboard.protocol.a1_packets import decode_command
 from rmll_onboard.recording.flight_log import FlightLog
 from rmll_onboard.recording.log_metadata import versions
 
@@ -39,7 +39,7 @@ def test_the_daemon_sends_what_it_sent(path: Path) -> None:
 def test_a_fault_is_in_its_log(row) -> None:
     """So that nothing was recorded but a robot that stood."""
     *_, last = FlightLog(ROOT / FOLDER / f"{FAULT_PREFIX}{row.name}.mcap").ticks()
-    damped = not decode_command(last.answer).kp.any()
+    damped = not A1BoardPackets().decode_command(last.answer).kp.any()
     assert damped == (row.reaction is Reaction.DAMPS)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from rmll_hil.faults.fault_trial import MOTION
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
 from rmll_hil.robot.emulator import Emulator, EmulatorSettings
 from rmll_hil.robot.fault_plan import parse_plan
 from rmll_hil.runs import lockstep, metrics
@@ -96,7 +97,7 @@ class Hostile:
         state = a1_packets.decode_state(good)
         state.tick = int(self._rng.integers(state.tick + 5000, 2**32))
         state.q[:] = 0
-        return a1_packets.encode_state(state)
+        return A1BoardPackets().encode_state(state)
 
 
 @pytest.mark.fuzz

@@ -16,12 +16,13 @@ import yaml
 
 from rmll_common.errors import InputError
 from rmll_hil.replay.replay import differences, find_bundle, replay
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
 from rmll_hil.robot.can_robot import CanRobot
 from rmll_hil.robot.emulator import Emulator
 from rmll_hil.runs import lockstep
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import load_bundle
-from rmll_onboard.protocol.a1_packets import decode_command, encode_command
+from rmll_onboard.protocol.a1_packets import encode_command
 from rmll_onboard.recording.flight_log import FlightLog
 from rmll_onboard.recording.log_metadata import describe
 from rmll_onboard.recording.mcap_writer import log_file
@@ -86,7 +87,7 @@ def test_a_walk_that_was_stopped_replays(walked, about, standing, tmp_path):
 
 
 def test_the_first_difference_is_shown_field_by_field(walked, about, standing, tmp_path):
-    command = decode_command(walked[200].answer)
+    command = A1BoardPackets().decode_command(walked[200].answer)
     command.q[4] += 0.25
     odd = msgspec.structs.replace(walked[200], answer=encode_command(command))
     later = msgspec.structs.replace(walked[300], answer=bytes(610))
@@ -102,7 +103,7 @@ def test_the_first_difference_is_shown_field_by_field(walked, about, standing, t
 
 
 def test_how_far_targets_are_apart(walked, about, standing, tmp_path):
-    command = decode_command(walked[200].answer)
+    command = A1BoardPackets().decode_command(walked[200].answer)
     command.q[4] += 0.001
     odd = msgspec.structs.replace(walked[200], answer=encode_command(command))
     ticks = [*walked[:200], odd, *walked[201:]]

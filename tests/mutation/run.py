@@ -37,6 +37,7 @@ PACKAGES = (
     "gait_specs/rmll_gaits",
     "robots/rmll_robots",
     "contract/rmll_contract",
+    "hil/rmll_hil",
 )
 KILLED = ("killed", "timeout", "caught by type check")
 LEAST = 0.9

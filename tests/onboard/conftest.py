@@ -13,11 +13,11 @@ from rmll_contract import observation
 from rmll_contract.contract import Contract, Labels, Trace
 from rmll_contract.onnx_file import graph_sha256
 from rmll_gaits.table import ADVANCE, REJECT, Commands, MachineTable
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
 from rmll_onboard.control.bundle import Bundle, load_bundle
 from rmll_onboard.control.controller import Controller, PolicyInput
 from rmll_onboard.control.leg_force import LegForce
 from rmll_onboard.control.policy import open_session
-from rmll_onboard.protocol import a1_packets
 from rmll_onboard.settings.runtime_settings import (
     LinkSettings,
     Motion,
@@ -25,9 +25,10 @@ from rmll_onboard.settings.runtime_settings import (
     Safety,
     Steering,
 )
-from rmll_onboard.state.robot_state import RobotState
+from rmll_onboard.state.robot_state import MotorCommand, RobotState
 from rmll_robots import A1
 
+BOARD = A1BoardPackets()
 TROT = 6, 9
 """Labels of the two diagonals"""
 HEIGHT = 0.1
@@ -154,11 +155,11 @@ class KinematicRobot:
 
     def __init__(self) -> None:
         self.state = RobotState(quaternion=np.array([1.0, 0, 0, 0]), q=A1.crouch_pose.copy())
-        self.last: a1_packets.MotorCommand | None = None
+        self.last: MotorCommand | None = None
         self.orientation = np.array([1.0, 0.0, 0.0, 0.0])
 
     def answer(self, datagram: bytes) -> bytes:
-        command = a1_packets.decode_command(datagram)
+        command = BOARD.decode_command(datagram)
         self.last = command
         state, before = self.state, self.state.q.copy()
         if command.kp.any():
@@ -179,7 +180,7 @@ class KinematicRobot:
         # a calf's torque alone can tell a load, and moves nothing: there is no physics
         newtons = LegForce(A1).step(self.state.q, np.tile([0.0, 0, 1], 4), np.array([0.0, 0, -1]))
         self.state.tau[2::3] = (15.0 * down / newtons).clip(-20, 20)
-        return a1_packets.encode_state(self.state)
+        return BOARD.encode_state(self.state)
 
     @property
     def damped(self) -> bool:

@@ -5,19 +5,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
 from rmll_onboard.interface.a1_interface import A1Interface
-from rmll_onboard.protocol import a1_packets
 from rmll_onboard.protocol.a1_packets import LOW_STATE_LENGTH
 from rmll_onboard.settings.runtime_settings import LinkSettings
 from rmll_onboard.state.packet_errors import Reason
 from rmll_onboard.state.robot_state import RobotState
 from rmll_robots import A1
 
+BOARD = A1BoardPackets()
 MS = 1_000_000
 
 
 def state(tick: int, **measured) -> bytes:
-    return a1_packets.encode_state(RobotState(tick=tick, **measured))
+    return BOARD.encode_state(RobotState(tick=tick, **measured))
 
 
 def flipped(datagram: bytes, bit: int) -> bytes:

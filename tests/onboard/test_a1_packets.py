@@ -1,4 +1,4 @@
-"""The A1's datagrams, against golden bytes of the SDK and by properties."""
+"""The A1's datagrams, against golden bytes of the SDK and the emulated board's own codec."""
 
 import dataclasses
 import struct
@@ -9,9 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from rmll_hil.robot.a1_board_packets import A1BoardPackets, checksum, sealed
 from rmll_onboard.protocol import a1_packets
 from rmll_onboard.state.packet_errors import BadPacket, Reason
 from rmll_onboard.state.robot_state import MotorCommand, RobotState
+
+BOARD = A1BoardPackets()
 
 
 def single(size, bound=None):
@@ -82,7 +85,7 @@ def test_command_as_the_sdk_initialises_it():
     assert a1_packets.encode_command(idle, level=0) == golden
     assert len(golden) == a1_packets.LOW_CMD_LENGTH == 610
     with pytest.raises(BadPacket) as bad:
-        a1_packets.decode_command(golden)
+        BOARD.decode_command(golden)
     assert bad.value.reason is Reason.LEVEL
 
 
@@ -106,15 +109,15 @@ def test_state_fields_lie_where_the_board_puts_them():
 
 
 @given(commands)
-def test_command_round_trip(command):
-    assert_same(a1_packets.decode_command(a1_packets.encode_command(command)), command)
+def test_the_board_reads_the_command_that_was_meant(command):
+    assert_same(BOARD.decode_command(a1_packets.encode_command(command)), command)
 
 
 @given(states, states)
-def test_a_used_decoder_keeps_nothing_of_the_state_before(state, used):
+def test_a_state_is_read_as_the_board_measured_it_whatever_came_before(state, used):
     decoder = a1_packets.StateDecoder()
     for sent in (used, state):
-        decoder.decode(a1_packets.encode_state(sent))
+        decoder.decode(BOARD.encode_state(sent))
         assert_same(decoder.state, sent)
 
 
@@ -128,7 +131,7 @@ def test_a_used_encoder_keeps_nothing_of_the_command_before(command, used):
 @given(single(12), single(12), single(12))
 def test_torque_and_gains_saturate(tau, kp, kd):
     sent = MotorCommand(tau=tau, kp=kp, kd=kd)
-    got = a1_packets.decode_command(a1_packets.encode_command(sent))
+    got = BOARD.decode_command(a1_packets.encode_command(sent))
     for name, scale in (("tau", 256), ("kp", 32), ("kd", 16)):
         low, high = -32768 / scale, 32767 / scale
         want = np.clip(getattr(sent, name), low, high)
@@ -137,7 +140,7 @@ def test_torque_and_gains_saturate(tau, kp, kd):
 
 
 def test_what_wraps_in_the_sdk_saturates_here():
-    got = a1_packets.decode_command(
+    got = BOARD.decode_command(
         a1_packets.encode_command(MotorCommand(tau=np.full(12, 200.0), kd=np.full(12, 3000.0)))
     )
     assert got.tau[0] == 32767 / 256
@@ -147,8 +150,8 @@ def test_what_wraps_in_the_sdk_saturates_here():
 @pytest.mark.parametrize(
     ("packet", "decode"),
     [
-        (a1_packets.encode_command(MotorCommand()), a1_packets.decode_command),
-        (a1_packets.encode_state(RobotState()), a1_packets.decode_state),
+        (a1_packets.encode_command(MotorCommand()), BOARD.decode_command),
+        (BOARD.encode_state(RobotState()), a1_packets.decode_state),
     ],
     ids=["command", "state"],
 )
@@ -167,24 +170,23 @@ def test_every_flipped_protected_bit_is_refused(packet, decode):
 @pytest.mark.fuzz
 @given(st.binary(max_size=1000))
 def test_random_bytes_are_refused(data):
-    for decode in (a1_packets.decode_command, a1_packets.decode_state):
+    for decode in (BOARD.decode_command, a1_packets.decode_state):
         with pytest.raises(BadPacket):
             decode(data)
 
 
 def with_checksum(packet, offset, value):
-    body = bytearray(packet[:-4])
-    struct.pack_into("<f", body, offset, value)
-    checksum = a1_packets.crc(bytes(body[: a1_packets.protected(len(packet))]))
-    return bytes(body) + struct.pack("<I", checksum)
+    packet = bytearray(packet)
+    struct.pack_into("<f", packet, offset, value)
+    return sealed(bytes(packet))
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
 @pytest.mark.parametrize("offset", [10, 26, 38, 50, 64, 68], ids=str)
 def test_a_state_that_is_not_finite_is_refused_and_leaves_the_last_one(offset, value):
-    packet = with_checksum(a1_packets.encode_state(RobotState()), offset, value)
+    packet = with_checksum(BOARD.encode_state(RobotState()), offset, value)
     decoder = a1_packets.StateDecoder()
-    decoder.decode(a1_packets.encode_state(RobotState(tick=7)))
+    decoder.decode(BOARD.encode_state(RobotState(tick=7)))
     with pytest.raises(BadPacket) as bad:
         decoder.decode(packet)
     assert bad.value.reason is Reason.NOT_FINITE
@@ -195,9 +197,27 @@ def test_a_state_that_is_not_finite_is_refused_and_leaves_the_last_one(offset, v
 def test_large_numbers_are_finite(value):
     """Their sum would not be, in 32 bits."""
     state = RobotState(q=np.full(12, np.float32(value), float), dq=np.full(12, value))
-    np.testing.assert_array_equal(
-        a1_packets.decode_state(a1_packets.encode_state(state)).q, state.q
-    )
+    np.testing.assert_array_equal(a1_packets.decode_state(BOARD.encode_state(state)).q, state.q)
+
+
+@pytest.mark.parametrize("name", ["q", "dq", "tau", "quaternion", "gyro", "accelerometer", "rpy"])
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_the_board_never_sends_what_is_not_finite(name, value):
+    state = RobotState()
+    getattr(state, name)[-1] = value
+    with pytest.raises(ValueError, match="finite"):
+        BOARD.encode_state(state)
+    with pytest.raises(ValueError, match="finite"):
+        BOARD.encode_state(RobotState(q=np.full(12, 1e39)))
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+@pytest.mark.parametrize("offset", [11, 15, 11 + 27 * 11, 15 + 27 * 11])
+def test_the_board_drops_a_command_that_is_not_finite(offset, value):
+    packet = with_checksum(a1_packets.encode_command(MotorCommand()), offset, value)
+    with pytest.raises(BadPacket) as bad:
+        BOARD.decode_command(packet)
+    assert bad.value.reason is Reason.NOT_FINITE
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e39])
@@ -218,3 +238,4 @@ def test_checksum_equals_the_shift_register(data):
         for _ in range(32):
             register = (register << 1 ^ (0x04C11DB7 if register >> 31 else 0)) & 0xFFFFFFFF
     assert a1_packets.crc(data) == register
+    assert checksum(data) == register

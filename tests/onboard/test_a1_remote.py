@@ -7,10 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rmll_hil.robot.a1_joystick import press
 from rmll_onboard.protocol import a1_remote
 from rmll_onboard.protocol.a1_remote import Button, Remote
 
 sticks = st.floats(-1, 1, width=32)
+
+
+def sent(pressed: Remote) -> bytes:
+    """By the board, whose buttons have names of its own."""
+    held = [button.name for button in Button if button in pressed.buttons and button.name]
+    return press(*held, lx=pressed.lx, ly=pressed.ly, rx=pressed.rx, ry=pressed.ry)
 
 
 @given(
@@ -24,7 +31,7 @@ sticks = st.floats(-1, 1, width=32)
     )
 )
 def test_round_trip(pressed):
-    data = a1_remote.encode(pressed)
+    data = sent(pressed)
     assert len(data) == a1_remote.LENGTH
     assert a1_remote.decode(data) == pressed
 
@@ -44,7 +51,7 @@ def test_any_bytes_give_sticks_within_their_range_or_are_refused(data):
 
 @given(st.integers(0, 15), st.sampled_from([math.nan, math.inf, -math.inf]))
 def test_what_is_not_used_may_be_anything(place, value):
-    data = bytearray(a1_remote.encode(Remote(ly=0.5)))
+    data = bytearray(press(ly=0.5))
     struct.pack_into("<f", data, 16, value)
     data[24 + place] = 0xFF
     assert a1_remote.decode(bytes(data)) == Remote(ly=0.5)
@@ -82,7 +89,7 @@ def test_fields_lie_where_the_sdk_puts_them():
 
 def test_l2_is_sent_as_an_analog_key_too():
     for buttons, value in ((Button.L2 | Button.A, 1.0), (Button.B, 0.0)):
-        assert struct.unpack_from("<f", a1_remote.encode(Remote(buttons)), 16) == (value,)
+        assert struct.unpack_from("<f", sent(Remote(buttons)), 16) == (value,)
 
 
 def test_a_stick_that_is_no_number_is_told():
@@ -102,7 +109,7 @@ def test_only_l2_and_b_together_stop(buttons):
     assert Remote(buttons | Button.L2 | Button.B).emergency_stop
 
 
-@pytest.mark.parametrize(("sent", "read"), [(1.5, 1.0), (-1.5, -1.0), (1.0, 1.0), (-1.0, -1.0)])
-def test_a_stick_beyond_its_end_is_at_its_end(sent: float, read: float) -> None:
-    decoded = a1_remote.decode(a1_remote.encode(Remote(lx=sent, ly=sent, rx=sent, ry=sent)))
+@pytest.mark.parametrize(("pushed", "read"), [(1.5, 1.0), (-1.5, -1.0), (1.0, 1.0), (-1.0, -1.0)])
+def test_a_stick_beyond_its_end_is_at_its_end(pushed: float, read: float) -> None:
+    decoded = a1_remote.decode(press(lx=pushed, ly=pushed, rx=pushed, ry=pushed))
     assert (decoded.lx, decoded.ly, decoded.rx, decoded.ry) == (read,) * 4

@@ -3,6 +3,7 @@
 import math
 import socket
 import struct
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -11,17 +12,20 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rmll_gaits.load import load_gait
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
+from rmll_hil.robot.a1_joystick import press
 from rmll_onboard.commands.command_socket import SocketOperator
 from rmll_onboard.commands.operator import FlagOperator, OperatorCommand, RemoteOperator
 from rmll_onboard.control.bundle import load_bundle
-from rmll_onboard.protocol import a1_packets, a1_remote
-from rmll_onboard.protocol.a1_remote import Button, Remote
 from rmll_onboard.runtime.daemon import Daemon
 from rmll_onboard.settings.runtime_settings import Steering
 from rmll_onboard.state.modes import Mode, Request
+from rmll_onboard.state.robot_state import RobotState
 from rmll_robots import A1
 
+BOARD = A1BoardPackets()
 WALK = (0.5, 0.0, 8.0)
+remote = partial(press, head=bytes(2))
 
 
 class Lockstep:
@@ -109,36 +113,36 @@ def test_targets_follow_the_policy_at_its_rate_and_in_the_robots_order(make_bund
 
 
 def test_the_remote_leads_through_a_walk(by_remote, robot):
-    def press(buttons, seconds, **sticks):
-        robot.state.remote = a1_remote.encode(Remote(buttons, **sticks))
+    def hold(buttons, seconds, **sticks):
+        robot.state.remote = remote(*buttons, **sticks)
         by_remote.run(seconds)
         return by_remote.daemon.policy_ran, float(robot.last.kp[0])
 
-    assert press(Button.NONE, 0.5)[1] == 0
-    assert press(Button.A, 0.5)[1] == 0  # does not walk from the ground
-    assert press(Button.B, 0.5)[1] == 0  # nor stand up by the button that ends a walk
-    assert press(Button.START, 1.0)[1] == A1.stand_kp
-    assert press(Button.A, 0.5, ly=1.0, rx=-0.5)[1] == A1.kp
+    assert hold([], 0.5)[1] == 0
+    assert hold(["A"], 0.5)[1] == 0  # does not walk from the ground
+    assert hold(["B"], 0.5)[1] == 0  # nor stand up by the button that ends a walk
+    assert hold(["START"], 1.0)[1] == A1.stand_kp
+    assert hold(["A"], 0.5, ly=1.0, rx=-0.5)[1] == A1.kp
     before = by_remote.daemon.report()
-    assert press(Button.START, 0.5)[1] == A1.kp  # START does not end it
-    assert press(Button.B, 0.5)[1] == A1.stand_kp
-    assert press(Button.SELECT, 0.5)[1] == 0
+    assert hold(["START"], 0.5)[1] == A1.kp  # START does not end it
+    assert hold(["B"], 0.5)[1] == A1.stand_kp
+    assert hold(["SELECT"], 0.5)[1] == 0
     assert robot.damped
     assert not by_remote.daemon.finished
     assert by_remote.daemon.report()["policy_steps"] > before["policy_steps"]
-    assert press(Button.START, 1.0)[1] == A1.stand_kp  # and once more
+    assert hold(["START"], 1.0)[1] == A1.stand_kp  # and once more
 
 
 @pytest.mark.parametrize("walking", [False, True])
 def test_l2_and_b_stop_for_good(by_remote, robot, walking):
     if walking:
-        robot.state.remote = a1_remote.encode(Remote(Button.START | Button.A))
+        robot.state.remote = remote("START", "A")
         by_remote.until_walking()
-    robot.state.remote = a1_remote.encode(Remote(Button.L2 | Button.B))
+    robot.state.remote = remote("L2", "B")
     by_remote.run(0.02)
     assert robot.damped
     assert by_remote.daemon.fault == "emergency stop on the remote"
-    robot.state.remote = a1_remote.encode(Remote(Button.START))
+    robot.state.remote = remote("START")
     by_remote.run(1)
     assert robot.damped
 
@@ -149,7 +153,7 @@ def bad_stick(robot, value):
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_a_stick_that_is_no_number_is_a_bad_packet_and_damps(by_remote, robot, value):
-    robot.state.remote = a1_remote.encode(Remote(Button.START | Button.A, ly=0.5))
+    robot.state.remote = remote("START", "A", ly=0.5)
     by_remote.until_walking()
     bad_stick(robot, value)
     by_remote.run(0.1)
@@ -169,17 +173,17 @@ def test_a_robot_whose_remote_is_no_number_from_the_start_is_not_believed(by_rem
 
 
 def test_a_stick_that_strays_at_rest_does_not_creep(by_remote, robot):
-    robot.state.remote = a1_remote.encode(Remote(Button.START | Button.A, ly=0.03, rx=-0.03))
+    robot.state.remote = remote("START", "A", ly=0.03, rx=-0.03)
     by_remote.until_walking()
-    robot.state.remote = a1_remote.encode(Remote(ly=0.03, rx=-0.03))
+    robot.state.remote = remote(ly=0.03, rx=-0.03)
     by_remote.run(0.5)
     assert by_remote.daemon.controller.command[:2].tolist() == [0, 0]
     assert by_remote.daemon.mode is Mode.WALKING
 
 
-@pytest.mark.parametrize("rest", [a1_remote.encode(Remote(ly=-0.0, lx=0.03)), bytes(39) + b"\x07"])
+@pytest.mark.parametrize("rest", [remote(ly=-0.0, lx=0.03), bytes(39) + b"\x07"])
 def test_a_resting_remote_is_not_lost(by_remote, robot, rest):
-    robot.state.remote = a1_remote.encode(Remote(Button.START | Button.A, ly=0.5))
+    robot.state.remote = remote("START", "A", ly=0.5)
     by_remote.until_walking()
     robot.state.remote = rest
     by_remote.run(25)
@@ -288,17 +292,17 @@ def corruption(lockstep):
 
 def fall(lockstep):
     lockstep.robot.state.quaternion[:] = [np.cos(0.8), np.sin(0.8), 0, 0]
-    return a1_packets.encode_state(lockstep.robot.state)
+    return BOARD.encode_state(lockstep.robot.state)
 
 
 def dead_imu(lockstep):
     lockstep.robot.state.quaternion[:] = 0
-    return a1_packets.encode_state(lockstep.robot.state)
+    return BOARD.encode_state(lockstep.robot.state)
 
 
 def huge_numbers(lockstep):
     lockstep.robot.state.dq[:] = 3e38
-    return a1_packets.encode_state(lockstep.robot.state)
+    return BOARD.encode_state(lockstep.robot.state)
 
 
 @pytest.mark.parametrize(
@@ -334,7 +338,7 @@ def test_huge_rates_from_the_imu_do_not_reach_the_joints(by_flags, robot):
 @given(data=st.data())
 def test_hostile_datagrams_change_nothing(bundle, brisk, data):
     daemon = Daemon(bundle, brisk, by_command(1.0))
-    good = a1_packets.encode_state(a1_packets.RobotState(quaternion=np.array([1.0, 0, 0, 0])))
+    good = BOARD.encode_state(RobotState(quaternion=np.array([1.0, 0, 0, 0])))
     daemon.tick(0, [good])
     flips = st.tuples(st.integers(0, 763), st.integers(0, 7))
     hostile = st.binary(max_size=1200) | flips.map(

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from rmll_gaits.load import load_gait
 from rmll_gaits.table import ADVANCE
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
 from rmll_onboard.interface.a1_interface import A1Interface
-from rmll_onboard.protocol import a1_packets
 from rmll_onboard.safety.faults import Fault
 from rmll_onboard.safety.gait_monitor import GaitMonitor
 from rmll_onboard.safety.guard import ActionGuard, Guard, SafetyInput
@@ -17,6 +17,7 @@ from rmll_onboard.state.attitude import projected_gravity, roll_pitch
 from rmll_onboard.state.robot_state import MODE_SERVO, MotorCommand, RobotState
 from rmll_robots import A1
 
+BOARD = A1BoardPackets()
 PERIOD = 5_000_000
 FR_CALF = 2
 
@@ -58,7 +59,7 @@ class Bench:
             state.mode[:] = self.command.mode
             state.tau[:] = self.command.kp * (self.command.q - state.q)
             state.tau -= self.command.kd * state.dq
-        datagrams = self.datagrams(a1_packets.encode_state(state))
+        datagrams = self.datagrams(BOARD.encode_state(state))
         fresh = self.interface.take(self.now, datagrams, resting=False)
         seen = self.interface.state
         gravity = projected_gravity(seen.quaternion)
@@ -125,7 +126,7 @@ def silence(bench):
 
 
 def freeze(bench):
-    last = a1_packets.encode_state(bench.state)
+    last = BOARD.encode_state(bench.state)
     bench.datagrams = lambda good: [last]
 
 

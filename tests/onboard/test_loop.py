@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from rmll_gaits.table import Commands
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.protocol import a1_packets
 from rmll_onboard.runtime.cache_warmup import CacheWarmer, cache_warmer
@@ -224,7 +225,7 @@ def test_a_cache_warmer_plays_on_after_a_fault(bundle, brisk, robot):
     for count, quaternion in enumerate(([0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])):
         robot.answer(warmer.damping())
         robot.state.quaternion[:] = quaternion
-        warmer.warm_up(20_000_000 * (count + 1), [a1_packets.encode_state(robot.state)])
+        warmer.warm_up(20_000_000 * (count + 1), [A1BoardPackets().encode_state(robot.state)])
         assert warmer.policy_ran == (warmer.fault is None) == (count > 0)
 
 

@@ -18,7 +18,7 @@ import msgspec
 import pytest
 import yaml
 
-from rmll_onboard.protocol import a1_packets
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
 from rmll_onboard.recording.flight_log import FlightLog
 from rmll_onboard.settings.runtime_settings import LinkSettings
 from rmll_robots import A1
@@ -183,7 +183,7 @@ def test_a_robot_that_does_not_answer(start, tmp_path):
         assert process.returncode == 1
         assert err == f"rmll-onboard: no answer from the robot at {address} in 0.3 s\n"
         board.settimeout(1)
-        command = a1_packets.decode_command(board.recv(2048))
+        command = A1BoardPackets().decode_command(board.recv(2048))
         assert not command.kp.any()
         assert (command.kd > 0).all()
 

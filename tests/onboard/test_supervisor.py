@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from rmll_onboard.protocol.a1_packets import decode_command, encode_command
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
+from rmll_onboard.protocol.a1_packets import encode_command
 from rmll_onboard.safety.faults import Complaint, Fault
 from rmll_onboard.safety.supervisor import Supervisor
 from rmll_onboard.settings.runtime_settings import RuntimeSettings
@@ -16,6 +17,7 @@ from rmll_onboard.state.modes import NS, Mode, Request
 from rmll_onboard.state.robot_state import MODE_SERVO, POS_STOP, RobotState
 from rmll_robots import A1
 
+BOARD = A1BoardPackets()
 PERIOD = NS // 200
 MOTION = RuntimeSettings().motion
 
@@ -182,7 +184,7 @@ def test_no_target_asks_for_more_than_the_torque_limit(q, dq, target):
     bench.state.q[:], bench.state.dq[:] = q, dq
     bench.target = target
     command = bench.supervisor.command(bench.now, bench.state, bench.target)
-    command = decode_command(encode_command(command))  # as the robot gets it, in 32 bits
+    command = BOARD.decode_command(encode_command(command))  # as the robot gets it, in 32 bits
     torque = command.kp * (command.q - q) - command.kd * dq
     assert (np.abs(torque) <= A1.torque_limit + 1e-4).all()
     reachable = (np.abs(torque) < A1.torque_limit - 1e-4).nonzero()

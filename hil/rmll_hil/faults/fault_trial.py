@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 
 from rmll_hil.faults.fault_rows import BEGIN, FaultRow, Reaction
+from rmll_hil.robot.a1_board_packets import A1BoardPackets
 from rmll_hil.robot.emulator import Emulator, EmulatorSettings
 from rmll_hil.robot.fault_plan import Plan, parse_plan
-from rmll_onboard.protocol.a1_packets import decode_command
 from rmll_robots import Robot
 
 MOTION = {"crouch": 0.3, "rise": 0.6, "settle": 0.2, "slow_down": 0.3, "sit": 0.3}
@@ -28,6 +28,7 @@ WATCHED_MS = 3000
 """How long a fault is given to show an effect; a stuck gait, the slowest, takes two seconds"""
 SETTLED_MS = 500
 """A reaction that came stays for so long"""
+_BOARD = A1BoardPackets()
 
 
 class FaultTrial(Emulator):
@@ -82,7 +83,7 @@ class FaultTrial(Emulator):
             self.begin_ms = self.now_ms + WALKED_MS
 
     def _kind(self, datagram: bytes) -> Reaction:
-        command = decode_command(datagram)
+        command = _BOARD.decode_command(datagram)
         if not command.kp.any():
             return Reaction.DAMPS
         if command.kp[0] == self._robot.kp:

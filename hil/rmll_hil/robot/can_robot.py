@@ -8,16 +8,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rmll_onboard.interface.can_layout import Layout
-from rmll_onboard.protocol import can_imu, mit_packets
-from rmll_onboard.protocol.can_frame import Frame, pack, unpack
-from rmll_onboard.protocol.mit_packets import MitCommands, Reply
+from rmll_common.errors import InputError
+from rmll_hil.robot.mit_actuator import SPECIAL, SWITCH_OFF, SWITCH_ON, MitActuator
+from rmll_hil.robot.motor_board import BRAKE, SERVO
+from rmll_hil.robot.robot_frames import BusFrame, imu_sample, join, split
 from rmll_onboard.settings.can_settings import Can
 from rmll_onboard.state.packet_errors import BadPacket, Reason
-from rmll_onboard.state.robot_state import MODE_BRAKE, MODE_SERVO, MotorCommand, RobotState
+from rmll_onboard.state.robot_state import MotorCommand, RobotState
 from rmll_robots import Robot
-
-_SPECIAL = b"\xff" * 7
 
 
 class CanRobot:
@@ -28,34 +26,40 @@ class CanRobot:
     firmware, which then takes zero for every command"""
 
     def __init__(self, can: Can, robot: Robot) -> None:
-        """Raises InputError if the actuators do not fit the robot."""
-        layout = self._layout = Layout(can, robot)
-        joints = len(layout.joints)
-        self.errors = [0] * joints
-        """What each actuator reports, of :data:`rmll_onboard.protocol.mit_packets.ERRORS`"""
-        self.on = np.zeros(joints, bool)
+        """``can`` is how the robot is built; raises InputError if it is another robot."""
+        if set(can.actuators) != set(robot.joint_names):
+            joints = ", ".join(robot.joint_names)
+            raise InputError(f"can: actuators: expected one for each of {joints}")
+        buses = list(can.buses)
+        mounted = [can.actuators[joint] for joint in robot.joint_names]
+        self._mounted = [(buses.index(each.bus), each) for each in mounted]
+        self._actuators = [MitActuator(can.models[each.model], each.id) for each in mounted]
+        self._joint_at = {(bus, each.id): joint for joint, (bus, each) in enumerate(self._mounted)}
+        self._imu = buses.index(can.imu.bus), can.imu.id
+        self._sign = np.array([each.sign for each in mounted], float)
+        self._offset = np.array([each.offset for each in mounted])
+        self.errors = [0] * len(mounted)
+        """What each actuator reports, a number of the wire's"""
+        self.on = np.zeros(len(mounted), bool)
         """Which are switched on"""
-        nothing = MitCommands(*np.zeros((5, joints)))
-        self._told = mit_packets.encode_commands(layout.ranges, nothing)
-        self._who = {
-            key: joint for joint, key in enumerate(zip(layout.bus, layout.id, strict=True))
-        }
-        self._answers: list[Frame] = []
+        nothing = bytes.fromhex("8000800000000800")
+        self._targets = [actuator.read(nothing) for actuator in self._actuators]
+        self._answers: list[BusFrame] = []
 
     def hear(self, datagram: bytes, measure: Callable[[], RobotState]) -> MotorCommand:
         """Take frames and prepare the answers; what all actuators now do. Raises BadPacket."""
         called = []
-        for bus, identifier, data in unpack(datagram):
-            joint = self._who.get((bus, identifier))
+        for bus, identifier, data in split(datagram):
+            joint = self._joint_at.get((bus, identifier))
             if joint is None or len(data) != 8:
                 continue
             called.append(joint)
-            if data == mit_packets.ENTER:
+            if data == SWITCH_ON:
                 self.on[joint] = True
-            elif data == mit_packets.EXIT:
+            elif data == SWITCH_OFF:
                 self.on[joint] = False
-            elif self.on[joint] and not data.startswith(_SPECIAL):
-                self._told[joint] = data
+            elif self.on[joint] and not data.startswith(SPECIAL):
+                self._targets[joint] = self._actuators[joint].read(data)
         if not called:
             raise BadPacket(Reason.LENGTH)
         self._answers += self._replies(called, measure())
@@ -63,40 +67,32 @@ class CanRobot:
 
     def tell(self, state: RobotState) -> bytes:
         """The answers that are due, and a sample of the IMU."""
-        bus, identifier = self._layout.imu
-        sample = can_imu.encode(state.quaternion, state.gyro, state.tick)
-        imu = [Frame(bus, identifier + number, data) for number, data in enumerate(sample)]
+        bus, identifier = self._imu
+        imu = [(bus, identifier + number, data) for number, data in enumerate(imu_sample(state))]
         answers, self._answers = self._answers, []
-        return pack(answers + imu)
+        return join(answers + imu)
 
-    def _replies(self, joints: list[int], state: RobotState) -> list[Frame]:
-        layout = self._layout
-        steps = mit_packets.measure(
-            layout.ranges,
-            layout.to_actuator(state.q),
-            layout.sign * state.dq,
-            layout.sign * state.tau,
-        )
+    def _replies(self, joints: list[int], state: RobotState) -> list[BusFrame]:
+        """A joint turns by sign x the actuator's angle, from offset on."""
+        q, sign = self._sign * (state.q - self._offset), self._sign
+        measured = np.stack((q, sign * state.dq, sign * state.tau)).T.tolist()
+        temperature = state.temperature.tolist()
         frames = []
         for joint in joints:
-            variant = layout.variant[joint]
-            error = self.errors[joint]
-            if variant == "damiao" and not self.on[joint]:
-                error = error or mit_packets.OFF
-            position, velocity, torque = steps[:, joint].tolist()
-            reply = Reply(position, velocity, torque, int(state.temperature[joint]), error)
-            data = mit_packets.encode_reply(layout.id[joint], reply, variant)
-            frames.append(Frame(layout.bus[joint], layout.reply_id[joint], data))
+            bus, mounted = self._mounted[joint]
+            data = self._actuators[joint].reply(
+                measured[joint], temperature[joint], self.errors[joint], bool(self.on[joint])
+            )
+            frames.append((bus, mounted.reply_id, data))
         return frames
 
     def _command(self) -> MotorCommand:
-        layout = self._layout
-        told = mit_packets.decode_commands(layout.ranges, self._told)
+        position, velocity, kp, kd, torque = np.array(self._targets).T
         return MotorCommand(
-            mode=np.where(self.on, MODE_SERVO, MODE_BRAKE).astype(np.uint8),
-            q=layout.to_joint(told.position),
-            dq=layout.sign * told.velocity,
-            tau=layout.sign * told.torque,
-            kp=told.kp,
-            kd=told.kd,
+            mode=np.where(self.on, SERVO, BRAKE).astype(np.uint8),
+            q=self._sign * position + self._offset,
+            dq=self._sign * velocity,
+            tau=self._sign * torque,
+            kp=kp,
+            kd=kd,
         )

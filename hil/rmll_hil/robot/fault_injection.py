@@ -7,20 +7,16 @@ from typing import TypeVar
 
 import numpy as np
 
-from rmll_hil.robot import fault_plan
+from rmll_hil.robot import a1_joystick, fault_plan
+from rmll_hil.robot.a1_board_packets import with_angle, with_clock_of
 from rmll_hil.robot.fault_plan import Plan, PlannedFault
-from rmll_hil.robot.motor_board import BRAKE_KD, MotorBoard
+from rmll_hil.robot.motor_board import BRAKE_KD, SERVO, MotorBoard
 from rmll_hil.robot.sensors import roll_pitch_yaw
 from rmll_hil.robot.world import World, push
-from rmll_onboard.protocol import a1_packets, a1_remote
-from rmll_onboard.protocol.a1_packets import LOW_STATE
-from rmll_onboard.protocol.a1_remote import Button
-from rmll_onboard.state.robot_state import MODE_SERVO, MotorCommand, RobotState
+from rmll_onboard.state.robot_state import MotorCommand, RobotState
 from rmll_robots import Robot
 
 OTHER_PERIOD_MS = 2
-REMOTE_HEAD = bytes((0x55, 0x51))
-"""In front of the remote's bytes while there is one. Assumption: the A1's is not published"""
 
 AFault = TypeVar("AFault", bound=PlannedFault)
 
@@ -114,13 +110,9 @@ class FaultInjector:
         for fault in self._active(fault_plan.Frozen, now_ms):
             fresh, datagram = datagram, self._last or datagram
             if fault.clock_runs:
-                packet = _unsealed(datagram)
-                packet["tick"] = np.frombuffer(fresh, LOW_STATE)["tick"]
-                datagram = _sealed(packet)
+                datagram = with_clock_of(datagram, fresh)
         for fault in self._active(fault_plan.NanJoint, now_ms):
-            packet = _unsealed(datagram)
-            packet["motor"]["q"][0, self._joint(fault.joint)] = np.nan
-            datagram = _sealed(packet)
+            datagram = with_angle(datagram, fault.joint, np.nan)
         self._last = datagram
         return datagram
 
@@ -135,7 +127,7 @@ class FaultInjector:
         pose = robot.stand_pose if fault.pose == "stand" else robot.crouch_pose
         joints = len(pose)
         return MotorCommand(
-            mode=np.full(joints, MODE_SERVO, np.uint8),
+            mode=np.full(joints, SERVO, np.uint8),
             q=pose.copy(),
             kp=np.full(joints, fault.kp),
             kd=np.full(joints, fault.kd),
@@ -143,15 +135,11 @@ class FaultInjector:
 
     def _remote(self, now_ms: int) -> bytes:
         if self._active(fault_plan.RemoteLost, now_ms):
-            return bytes(a1_remote.LENGTH)
+            return bytes(a1_joystick.SIZE)
         held = self._active(fault_plan.RemoteButtons, now_ms)
-        buttons = Button.NONE
-        for fault in held:
-            for name in fault.buttons:
-                buttons |= Button[name]
+        buttons = [name for fault in held for name in fault.buttons]
         last = held[-1] if held else fault_plan.RemoteButtons()
-        sticks = a1_remote.Remote(buttons, last.lx, last.ly, last.rx, last.ry)
-        return REMOTE_HEAD + a1_remote.encode(sticks)[len(REMOTE_HEAD) :]
+        return a1_joystick.press(*buttons, lx=last.lx, ly=last.ly, rx=last.rx, ry=last.ry)
 
 
 _FIELDS = {
@@ -166,14 +154,3 @@ _FIELDS = {
 
 def _sensor(state: RobotState, name: str) -> np.ndarray:
     return getattr(state, _FIELDS.get(name, name))
-
-
-def _unsealed(datagram: bytes) -> np.ndarray:
-    """A LowState that can be written to, (1,)."""
-    return np.frombuffer(bytearray(datagram), LOW_STATE)
-
-
-def _sealed(packet: np.ndarray) -> bytes:
-    data = packet.tobytes()
-    body = data[: a1_packets.protected(len(data))]
-    return data[:-4] + a1_packets.crc(body).to_bytes(4, "little")

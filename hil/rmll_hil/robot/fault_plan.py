@@ -17,7 +17,7 @@ from msgspec import Meta
 
 from rmll_common import typed_yaml, yaml_document
 from rmll_common.yaml_document import Value
-from rmll_onboard.protocol.a1_remote import Button
+from rmll_hil.robot.a1_joystick import BUTTONS
 from rmll_robots import Robot
 
 MAX_FAULTS = 1000
@@ -253,7 +253,7 @@ def _fault(value: Value, robot: Robot) -> AnyFault:
     for key, known in {
         "joint": robot.joint_names,
         "foot": robot.foot_names,
-        "buttons": tuple(Button.__members__),
+        "buttons": BUTTONS,
     }.items():
         if strange := set(_listed(fault, key)) - set(known):
             raise entries[key].error(f"found {min(strange)!r}, expected one of {', '.join(known)}")

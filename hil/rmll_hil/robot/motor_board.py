@@ -5,16 +5,21 @@ from collections import deque
 import numpy as np
 
 from rmll_hil.robot.world import World
-from rmll_onboard.state.robot_state import MODE_BRAKE, MODE_SERVO, POS_STOP, VEL_STOP, MotorCommand
+from rmll_onboard.state.robot_state import MotorCommand
 from rmll_robots import Robot
 
+SERVO, BRAKE = 10, 0
+"""Modes of a motor, as Unitree's library and its users write them; others brake too"""
+NO_POSITION, NO_VELOCITY = 2146000000.0, 16000.0
+"""PosStopF and VelStopF of the vendor's comm.h in place of a target: that loop is off. What comes
+over the wire is their nearest number of 32 bits"""
 BRAKE_KD = 3.0
 """[N·m·s/rad] of a joint in brake mode. Assumption: no source gives the brake's strength; this is
 what unitree_guide's and legged_control's passive modes use"""
 
 _LARGEST_TARGET = 1e3
 """[rad], [rad/s]; a servo saturates long before it, and MuJoCo refuses controls beyond 1e10"""
-_POS_STOP, _VEL_STOP = (float(np.float32(stop)) for stop in (POS_STOP, VEL_STOP))
+_POS_STOP, _VEL_STOP = (float(np.float32(stop)) for stop in (NO_POSITION, NO_VELOCITY))
 
 
 class MotorBoard:
@@ -40,7 +45,7 @@ class MotorBoard:
         self._passive_kd = passive_kd
         self._pending: deque[tuple[int, MotorCommand]] = deque()
         self._heard_ms = 0
-        self.mode = np.full(len(robot.joint_names), MODE_BRAKE, np.uint8)
+        self.mode = np.full(len(robot.joint_names), BRAKE, np.uint8)
         self._sag, self._most = np.zeros((2, len(robot.joint_names)))
         self._force_range = world.model.actuator_forcerange.T
         self._brake()
@@ -64,12 +69,12 @@ class MotorBoard:
         Every mode but the servo's brakes; the stop values switch the position or velocity loop
         off.
         """
-        servo = command.mode == MODE_SERVO
+        servo = command.mode == SERVO
         kp = np.where(servo & (command.q != _POS_STOP), command.kp, 0.0)
         kd = np.where(servo & (command.dq != _VEL_STOP), command.kd, 0.0)
         q = command.q.clip(-_LARGEST_TARGET, _LARGEST_TARGET)
         dq = command.dq.clip(-_LARGEST_TARGET, _LARGEST_TARGET)
-        self.mode[:] = np.where(servo, MODE_SERVO, MODE_BRAKE)
+        self.mode[:] = np.where(servo, SERVO, BRAKE)
         self._actuate(
             np.where(servo, command.tau + kp * q + kd * dq, 0.0),
             kp,
@@ -78,7 +83,7 @@ class MotorBoard:
 
     def _brake(self) -> None:
         self._pending.clear()
-        self.mode[:] = MODE_BRAKE
+        self.mode[:] = BRAKE
         self._actuate(0.0, 0.0, self._passive_kd)
 
     def _actuate(self, control: np.ndarray | float, kp: np.ndarray | float, kd: np.ndarray | float):

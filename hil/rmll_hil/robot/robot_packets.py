@@ -1,10 +1,10 @@
 """What an emulated robot understands and says: the A1's datagrams, or others in their place."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
+from rmll_hil.robot.a1_board_packets import VENDOR_SIGNS, A1BoardPackets
 from rmll_hil.robot.motor_board import BRAKE_KD
-from rmll_onboard.protocol.a1_packets import decode_command, encode_state
 from rmll_onboard.state.robot_state import MotorCommand, RobotState
 
 
@@ -28,8 +28,12 @@ class A1Robot:
 
     passive_kd = BRAKE_KD
 
+    def __init__(self, signs: Sequence[int] = VENDOR_SIGNS) -> None:
+        """``signs`` (12,) as of :class:`rmll_hil.robot.a1_board_packets.A1BoardPackets`."""
+        self._packets = A1BoardPackets(signs)
+
     def hear(self, datagram: bytes, measure: Callable[[], RobotState]) -> MotorCommand:
-        return decode_command(datagram)
+        return self._packets.decode_command(datagram)
 
     def tell(self, state: RobotState) -> bytes:
-        return encode_state(state)
+        return self._packets.encode_state(state)

@@ -124,14 +124,14 @@ def _compare(task: tuple[Case, Path, float]) -> FeetResult:
 def _walk(case: Case, bundle: Bundle, seconds: float, told: bool) -> dict[str, Any]:
     emulator = Emulator(EmulatorSettings(seed=1), case.noise, bundle.robot, feet=case.units)
     commands = bundle.table.commands
-    pilot = FlagOperator(commands, nearest(_SPEED, commands.vx), seconds=seconds)
+    operator = FlagOperator(commands, nearest(_SPEED, commands.vx), seconds=seconds)
 
     def prepare(daemon: Daemon) -> None:
         if told:
             feet = range(len(daemon.feet.sensors))
             daemon.feet.sensors = [_Told(emulator.sensors.feet, foot) for foot in feet]
 
-    outcome = lockstep.walk(emulator, bundle, pilot, lambda _: None, prepare=prepare)
+    outcome = lockstep.walk(emulator, bundle, operator, lambda _: None, prepare=prepare)
     found = metrics.summary(outcome, bundle.contract.gait, bundle.robot)
     return found | {"doubts": outcome.report["feet"]["doubts"]}
 

@@ -2,7 +2,7 @@
 
 Layout, scales and checksum as Unitree's own A1 library (unitree_legged_sdk v3.2 to 3.3.4) was
 observed to write and read them on loopback. Little-endian, packed, one packet a datagram, no
-encryption. Pure functions; both directions of both packets, for the robot's side is emulated.
+encryption. Pure; the runtime's directions only. The emulated robot has a codec of its own.
 
 Joint arrays are (12,): legs FR, FL, RR, RL, within a leg hip, thigh, calf.
 """
@@ -138,46 +138,6 @@ def encode_command(command: MotorCommand, level: int = LOW_LEVEL) -> bytes:
     return CommandEncoder(level).encode(command)
 
 
-def decode_command(datagram: bytes) -> MotorCommand:
-    """Inverse of :func:`encode_command`; raises BadPacket."""
-    _check(datagram, LOW_CMD_LENGTH)
-    motor = np.frombuffer(datagram, LOW_CMD)["motor"][0, :JOINTS]
-    command = MotorCommand(
-        mode=motor["mode"].copy(),
-        q=motor["q"].astype(np.float64),
-        dq=motor["dq"].astype(np.float64),
-        tau=motor["tau"] / TAU_SCALE,
-        kp=motor["kp"] / KP_SCALE,
-        kd=motor["kd"] / KD_SCALE,
-    )
-    if not np.isfinite((command.q, command.dq)).all():
-        raise BadPacket(Reason.NOT_FINITE)
-    return command
-
-
-def encode_state(state: RobotState) -> bytes:
-    """LowState. Integer fields saturate. Raises ValueError if anything is not finite."""
-    imu = state.quaternion, state.gyro, state.accelerometer, state.rpy
-    if not np.abs(np.concatenate((state.q, state.dq, state.tau, *imu))).max() <= _FLOAT32_MAX:
-        raise ValueError(_NOT_FINITE)
-    packet = np.zeros((), LOW_STATE)
-    packet["level"] = LOW_LEVEL
-    packet["quaternion"] = state.quaternion
-    packet["gyroscope"] = state.gyro
-    packet["accelerometer"] = state.accelerometer
-    packet["rpy"] = state.rpy
-    packet["foot_force"] = _saturated(state.foot_force)
-    packet["tick"] = state.tick & 0xFFFFFFFF
-    packet["remote"] = np.frombuffer(state.remote, np.uint8)
-    motor = packet["motor"][:JOINTS]
-    motor["mode"] = state.mode
-    motor["q"] = state.q
-    motor["dq"] = state.dq
-    motor["tau"] = _saturated(state.tau * TAU_SCALE)
-    motor["temperature"] = state.temperature.clip(-128, 127)
-    return _sealed(packet.tobytes())
-
-
 class StateDecoder:
     """Decodes LowStates one after the other into one state, by one packet: new arrays would take
     as long again."""
@@ -221,7 +181,7 @@ class StateDecoder:
 
 
 def decode_state(datagram: bytes) -> RobotState:
-    """Inverse of :func:`encode_state`; raises BadPacket."""
+    """What a LowState tells; raises BadPacket."""
     decoder = StateDecoder()
     decoder.decode(datagram)
     return decoder.state

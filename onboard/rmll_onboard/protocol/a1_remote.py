@@ -82,12 +82,6 @@ def past(stick: float, deadband: float) -> float:
     return math.copysign(max(0.0, abs(stick) - deadband) / (1 - deadband), stick)
 
 
-def encode(remote: Remote) -> bytes:
-    """Inverse of :func:`decode`."""
-    analog_l2 = float(Button.L2 in remote.buttons)
-    return _LAYOUT.pack(int(remote.buttons), remote.lx, remote.rx, remote.ry, analog_l2, remote.ly)
-
-
 def _stick(value: float) -> float:
     if not math.isfinite(value):
         raise ValueError(f"a stick of the remote is {value}")

@@ -20,16 +20,6 @@ _GYRO = struct.Struct(">3hH")
 _UNIT, _RATE = 32767.0, 900.0
 
 
-def encode(quaternion: Array, gyro: Array, milliseconds: int) -> tuple[bytes, bytes]:
-    """Both frames of a sample; what is out of range saturates."""
-    orientation = (quaternion * _UNIT).clip(-_UNIT, _UNIT)
-    rate = (gyro * _RATE).clip(-32768, 32767)
-    return (
-        _QUATERNION.pack(*np.rint(orientation).astype(int).tolist()),
-        _GYRO.pack(*np.rint(rate).astype(int).tolist(), milliseconds & 0xFFFF),
-    )
-
-
 def decode(orientation: bytes, rate: bytes) -> tuple[Array, Array, int]:
     """Quaternion (4,), angular velocity (3,) [rad/s], clock [ms]; both frames have 8 bytes."""
     *gyro, milliseconds = _GYRO.unpack(rate)

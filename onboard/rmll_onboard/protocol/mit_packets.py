@@ -1,4 +1,4 @@
-"""Frames of actuators that speak the MIT mini-cheetah protocol, both directions, pure.
+"""Frames of actuators that speak the MIT mini-cheetah protocol: commands and replies, pure.
 
 Layout as in bgkatz/motorcontrol, dfki-ric's mini-cheetah-tmotor-python-can and
 neurobionics/TMotorCANControl. Big-endian; a quantity is a whole number of steps between the ends
@@ -10,7 +10,6 @@ of its range, and the ranges are part of an actuator's own configuration.
 Arrays are (n,), one entry an actuator, in the actuators' own frames.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -126,19 +125,6 @@ def encode_commands(ranges: Ranges, commands: MitCommands) -> list[bytes]:
     return [data[start : start + 8] for start in range(0, len(data), 8)]
 
 
-def decode_commands(ranges: Ranges, frames: Sequence[bytes]) -> MitCommands:
-    """Inverse of :func:`encode_commands`, to the nearest step; frames of 8 bytes."""
-    words = np.frombuffer(b"".join(frames), ">u8")
-    torque, kd, kp, velocity = (words >> shift & _TOP for shift in range(0, 4 * _BITS, _BITS))
-    return MitCommands(
-        position=_value(words >> 4 * _BITS, ranges.position, _P_TOP),
-        velocity=_value(velocity, ranges.velocity, _TOP),
-        kp=kp / _TOP * ranges.kp,
-        kd=kd / _TOP * ranges.kd,
-        torque=_value(torque, ranges.torque, _TOP),
-    )
-
-
 def first_bytes(motor: int, variant: Variant) -> list[int]:
     """What a reply of the actuator ``motor`` may begin with."""
     if variant != "damiao":
@@ -146,25 +132,8 @@ def first_bytes(motor: int, variant: Variant) -> list[int]:
     return [status << 4 | motor & 0x0F for status in range(16)]
 
 
-def encode_reply(motor: int, reply: Reply, variant: Variant) -> bytes:
-    """A reply's frame; what the variant cannot tell is left out, a temperature saturates."""
-    first, extra = motor, b""
-    match variant:
-        case "voltage":
-            extra = b"\x00"
-        case "ak":
-            extra = max(-128, min(127, reply.temperature)).to_bytes(1, signed=True)
-            extra += bytes([reply.error])
-        case "damiao":
-            status = {0: 1, OFF: 0}.get(reply.error, reply.error)
-            first = status << 4 | motor & 0x0F
-            extra = bytes([max(0, min(127, reply.temperature))] * 2)
-    measured = reply.position << 2 * _BITS | reply.velocity << _BITS | reply.torque
-    return bytes([first]) + measured.to_bytes(5) + extra
-
-
 def decode_reply(data: bytes, variant: Variant) -> Reply:
-    """Inverse of :func:`encode_reply`; raises BadPacket for a wrong length."""
+    """What a reply tells; raises BadPacket for a wrong length."""
     if len(data) != LENGTH[variant]:
         raise BadPacket(Reason.LENGTH)
     measured = int.from_bytes(data[1:6])
@@ -181,19 +150,8 @@ def decode_reply(data: bytes, variant: Variant) -> Reply:
     )
 
 
-def measure(ranges: Ranges, position: Array, velocity: Array, torque: Array) -> NDArray[np.uint64]:
-    """(3, n) steps of [rad], [rad/s] and [N·m]: what replies carry."""
-    return np.stack(
-        [
-            _steps(position, ranges.position, _P_TOP),
-            _steps(velocity, ranges.velocity, _TOP),
-            _steps(torque, ranges.torque, _TOP),
-        ]
-    )
-
-
 def measured(ranges: Ranges, steps: NDArray) -> tuple[Array, Array, Array]:
-    """Inverse of :func:`measure`, to the nearest step: position, velocity, torque."""
+    """(3, n) steps of replies as position [rad], velocity [rad/s] and torque [N·m]."""
     return (
         _value(steps[0], ranges.position, _P_TOP),
         _value(steps[1], ranges.velocity, _TOP),
