@@ -59,14 +59,14 @@ class LogMetadata(msgspec.Struct, frozen=True):
             raise InputError(f"recorded with settings of another version: {error}") from error
 
 
-def _today(settings: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+def _today(settings: dict[str, Any]) -> dict[str, Any]:
     """The same under the names that they have now."""
-    kinds = {section.name: section.type for section in msgspec.structs.fields(RuntimeSettings)}
-    renamed = {name: getattr(kind, "RENAMED", {}) for name, kind in kinds.items()}
-    return {
-        section: {renamed.get(section, {}).get(name, name): value for name, value in values.items()}
-        for section, values in settings.items()
-    }
+    today = dict(settings)
+    for section in msgspec.structs.fields(RuntimeSettings):
+        renamed = getattr(section.type, "RENAMED", {})
+        if isinstance(values := settings.get(section.name), dict):
+            today[section.name] = {renamed.get(name, name): v for name, v in values.items()}
+    return today
 
 
 def describe(bundle: "Bundle", settings: RuntimeSettings, real_time: bool) -> LogMetadata:
