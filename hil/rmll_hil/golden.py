@@ -111,7 +111,7 @@ def record(story: Story, bundle: Bundle, path: Path) -> str | None:
         outcome = lockstep.walk(
             emulator, bundle, story.operator, lambda _: None, log.add, story.settings
         )
-    return outcome.report["fault"]
+    return outcome.report.fault
 
 
 def stories(policies: Path) -> Iterator[tuple[Story, Bundle]]:

@@ -33,7 +33,7 @@ def run(row: FaultRow, trial: FaultTrial, policy: Path) -> tuple[Reaction, int |
     loop = Loop(daemon, clock, settings.realtime, cache_warmer=cache_warmer, clock=clock)
     try:
         loop.run(settings.link.startup_timeout)
-        told = daemon.fault or "; ".join(daemon.report()["warnings"])
+        told = daemon.fault or "; ".join(daemon.report().warnings)
     except Killed:
         told = ""
     except Failure as failure:
