@@ -249,8 +249,8 @@ def test_what_was_not_foreseen_is_one_line_too(tmp_path):
     os.close(writing)
     told = record(reading, tmp_path / "walk.mcap", 1e9)
     os.close(reading)
-    assert told["ticks"] == 0
-    assert told["trouble"].startswith(f"{tmp_path / 'walk.mcap'}: ValidationError(")
+    assert told.ticks == 0
+    assert told.trouble.startswith(f"{tmp_path / 'walk.mcap'}: ValidationError(")
 
 
 def test_without_the_library_it_says_what_to_install(about, tmp_path, monkeypatch):

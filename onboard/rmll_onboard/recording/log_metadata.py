@@ -5,7 +5,7 @@ import sys
 import time
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 from msgspec import Meta
@@ -33,8 +33,8 @@ class LogMetadata(msgspec.Struct, frozen=True):
     digest: str
     """Of the bundle's contract"""
     control_hz: Annotated[int, Meta(gt=0)]
-    settings: dict[str, Any]
-    table: dict[str, Any]
+    settings: dict[str, object]
+    table: dict[str, object]
     """The gait's automaton"""
     columns: list[str]
     """Names of the numbers in :attr:`rmll_onboard.recording.telemetry.Inside.values`"""
@@ -59,12 +59,14 @@ class LogMetadata(msgspec.Struct, frozen=True):
             raise InputError(f"recorded with settings of another version: {error}") from error
 
 
-def _today(settings: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """The same under the names that they have now."""
+def _today(settings: dict[str, object]) -> dict[str, object]:
+    """The same under the names that they have now; whatever is no section stays as it is."""
     kinds = {section.name: section.type for section in msgspec.structs.fields(RuntimeSettings)}
     renamed = {name: getattr(kind, "RENAMED", {}) for name, kind in kinds.items()}
     return {
         section: {renamed.get(section, {}).get(name, name): value for name, value in values.items()}
+        if isinstance(values, dict)
+        else values
         for section, values in settings.items()
     }
 
