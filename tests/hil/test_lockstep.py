@@ -41,9 +41,9 @@ def test_stands_up_and_lies_down_again(standing: Path) -> None:
 
 def test_every_datagram_arrives(standing: Path) -> None:
     packets = stand(standing).report.packets
-    assert packets["rejected"] == packets["lost"] == 0
+    assert packets.rejected == packets.lost == 0
     # no state before the first command, and none for the farewell's
-    assert packets["sent"] == packets["received"] + 1 + 100
+    assert packets.sent == packets.received + 1 + 100
 
 
 def test_one_seed_one_outcome(standing: Path) -> None:

@@ -40,7 +40,7 @@ class FaultTrial(Emulator):
         fault; None while there is more to be seen"""
         self._told: list[tuple[int, Reaction]] = []
         """Robot's time [ms] and what it was told, whenever that changed"""
-        self._plan: Plan = parse_plan([dict(entry) for entry in row.plan], robot)
+        self._plan: Plan = parse_plan(row.plan, robot)
         self._signals = [(after, signal.Signals[name]) for after, name in row.signals]
         self._provoked = self._terminated = False
         super().__init__(EmulatorSettings(seed=seed), robot=robot, plan=_before(self._plan))

@@ -17,7 +17,7 @@ LEAST_DISTANCE = 0.2
 """[m]; on a shorter way a robot has swayed, not walked"""
 
 
-class Phase(msgspec.Struct, frozen=True):
+class SweepPhase(msgspec.Struct, frozen=True):
     """The share of a walk that had one c_f."""
 
     frequency: float
@@ -62,7 +62,7 @@ class RunSummary(msgspec.Struct, frozen=True):
     rss_mb: float | None
     timekeeping: Timekeeping | None
     packets: PacketReport
-    phases: tuple[Phase, ...] | msgspec.UnsetType = msgspec.UNSET
+    phases: tuple[SweepPhase, ...] | msgspec.UnsetType = msgspec.UNSET
     """Of a walk with several c_f alone"""
 
 

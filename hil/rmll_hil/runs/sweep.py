@@ -6,7 +6,7 @@ from pathlib import Path
 from rmll_gaits.label import FEET
 from rmll_gaits.schedule import transition_rate
 from rmll_gaits.table import MachineTable
-from rmll_hil.runs.metrics import Phase
+from rmll_hil.runs.metrics import SweepPhase
 from rmll_hil.runs.outcome import Outcome, column, times
 from rmll_onboard.recording.telemetry import TelemetryRow
 from rmll_onboard.state.modes import Mode
@@ -14,7 +14,7 @@ from rmll_onboard.state.modes import Mode
 
 def phases(
     outcome: Outcome, table: MachineTable, frequencies: tuple[float, ...], seconds: float
-) -> tuple[Phase, ...]:
+) -> tuple[SweepPhase, ...]:
     """Figures of each value's equal share of a walk of ``seconds``; those not reached are left out.
 
     c_f follows at a limited rate. What is allowed is counted by what the policy was told, so the
@@ -33,11 +33,11 @@ def phases(
             break
         made, allowed = int(advanced[own].sum()), float(transition_rate(table, told[own]).sum())
         walked = min(length, report.walking_end_ns - begin) / 1e9
-        found.append(Phase(frequency, walked, made, made / allowed))
+        found.append(SweepPhase(frequency, walked, made, made / allowed))
     return tuple(found)
 
 
-def draw(path: Path, outcome: Outcome, found: Sequence[Phase], title: str) -> None:
+def draw(path: Path, outcome: Outcome, found: Sequence[SweepPhase], title: str) -> None:
     """Save the picture of the walk, with what :func:`phases` found, at least one."""
     from rmll_view.frequency import Share, frequency_figure
 
