@@ -387,6 +387,21 @@ def test_settings_and_table_are_checked_where_they_are_used(about, tmp_path):
         log.about.machine_table()
 
 
+def test_a_section_of_settings_that_is_none_is_refused(about):
+    odd = msgspec.structs.replace(about, settings=about.settings | {"can": None})
+    with pytest.raises(InputError, match="settings of another version"):
+        odd.daemon_settings()
+
+
+def test_columns_with_impossible_names_are_refused(about, tmp_path):
+    path = tmp_path / "log.mcap"
+    path.write_bytes(
+        with_messages(msgspec.structs.replace(about, columns=["mode"]), {INSIDE: b"{}"})
+    )
+    with pytest.raises(InputError, match=r"log.mcap: the names of its columns .* 'mode'"):
+        list(FlightLog(path).rows())
+
+
 @pytest.mark.fuzz
 @ON_FILES
 @given(data=st.data())
