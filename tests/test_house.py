@@ -1,9 +1,11 @@
 """The house's own rules: which package may know which, and what the robot must never load."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -117,6 +119,54 @@ def test_a_file_or_class_name_stands_for_one_thing() -> None:
                 classes[node.name.lstrip("_")].append(path)
     assert [paths for paths in files.values() if len(paths) > 1] == []
     assert {name: paths for name, paths in classes.items() if len(paths) > 1} == {}
+
+
+def annotations(node: ast.FunctionDef | ast.AsyncFunctionDef) -> Iterator[ast.expr]:
+    """Of all parameters and of what is returned."""
+    spots = node.args
+    given = [*spots.posonlyargs, *spots.args, *spots.kwonlyargs, spots.vararg, spots.kwarg]
+    found = [spot.annotation for spot in given if spot is not None]
+    yield from (annotation for annotation in [*found, node.returns] if annotation is not None)
+
+
+def loose(annotation: ast.expr) -> bool:
+    """It holds, at any depth, a dictionary that says nothing of its values."""
+    text = annotation.value if isinstance(annotation, ast.Constant) else ast.unparse(annotation)
+    return re.search(r"\b[dD]ict(\[\w+, Any\]|(?![\w\[]))", str(text)) is not None
+
+
+def loose_functions(tree: ast.Module) -> list[str]:
+    """Public ones, methods among them, and those that call such a dictionary by another name."""
+    functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef)]
+    public = [n for n in functions if not n.name.startswith("_")]
+    aliases = [n for n in tree.body if isinstance(n, ast.Assign) and loose(n.value)]
+    aliases = [n for n in aliases if isinstance(n.value, ast.Subscript | ast.Name)]
+    return [n.name for n in public if any(map(loose, annotations(n)))] + [
+        ast.unparse(n.targets[0]) for n in aliases
+    ]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_public_signature_says_what_is_in_a_dictionary(package: str) -> None:
+    found = {path: loose_functions(ast.parse(path.read_text())) for path in sources(package)}
+    assert {path: names for path, names in found.items() if names} == {}
+
+
+@pytest.mark.parametrize(
+    ("code", "names"),
+    [
+        ("def f(a: dict[str, Any]): ...", ["f"]),
+        ("class A:\n    def f(self, *, a: list[dict[str, Any]] | None = None): ...", ["f"]),
+        ("async def f() -> 'dict[str, Any]': ...", ["f"]),
+        ("def f(**a: dict): ...", ["f"]),
+        ("Report = dict[str, Any]", ["Report"]),
+        ("def _f(a: dict[str, Any]): ...", []),
+        ("def f(a: dict[str, object], b: TensorDict) -> dict[str, float]: ...", []),
+        ("def f(): return dict(a=1)", []),
+    ],
+)
+def test_how_a_loose_dictionary_is_found(code: str, names: list[str]) -> None:
+    assert loose_functions(ast.parse(code)) == names
 
 
 def test_a_folder_can_be_overlooked() -> None:

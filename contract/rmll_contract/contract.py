@@ -5,6 +5,7 @@ the robot checks it: :attr:`Contract.digest` covers the contract and the graph i
 """
 
 import hashlib
+from collections.abc import Mapping
 from typing import Any
 
 import msgspec
@@ -62,7 +63,8 @@ class Contract(msgspec.Struct, frozen=True):
 
     format: int
     gait: str
-    table: dict[str, Any]
+    table: dict[str, object]
+    """As :meth:`rmll_gaits.table.MachineTable.to_dict` has it, unchecked"""
     robot: str
     profile: Profile
     observation: tuple[Field, ...]
@@ -91,14 +93,14 @@ def describe(
     table: MachineTable,
     profile: Profile,
     labels: Labels,
-    provenance: dict[str, Any],
+    provenance: Mapping[str, object],
     trace: Trace,
 ) -> Contract:
     """The contract, not sealed yet, of a policy for ``table``'s gait on ``robot``."""
     return Contract(
         format=FORMAT,
         gait=table.gait,
-        table=table.to_dict(),
+        table=dict(table.to_dict()),
         robot=robot.name,
         profile=profile,
         observation=observation.layout(profile, table.num_states),
@@ -113,7 +115,7 @@ def describe(
         policy_hz=robot.policy_hz,
         control_hz=robot.control_hz,
         labels=labels,
-        provenance=provenance,
+        provenance=dict(provenance),
         trace=trace,
     )
 

@@ -145,7 +145,7 @@ def conformance(found: Sequence[RecordedWalk], table: MachineTable) -> Conforman
 def _stretches(log: FlightLog) -> Iterator[list[ConformanceRow]]:
     """Rows of each walk."""
     rows: list[ConformanceRow] = []
-    for row in log.rows(ConformanceRow):
+    for row in log.rows_of(ConformanceRow):
         walking = row.mode == Mode.WALKING
         if rows and not (walking and 0 < row.t_ns - rows[-1].t_ns <= GAP * NS):
             yield rows

@@ -56,7 +56,17 @@ def walk(
     outcome = lockstep.walk(emulator, loaded, operator, _pushing(emulator.world, planned))
     found = summary(outcome, loaded.contract.gait, loaded.robot)
     return WalkMetrics(
-        trial, **{name: found[name] for name in WalkMetrics.__dataclass_fields__ if name in found}
+        trial,
+        adherence=found.adherence,
+        off_spec_contact=found.off_spec_contact,
+        vx_error=found.vx_error,
+        wz_error=found.wz_error,
+        energy_per_metre=found.energy_per_metre,
+        cost_of_transport=found.cost_of_transport,
+        distance=found.distance,
+        falls=found.falls,
+        fault=found.fault,
+        stuck=found.stuck,
     )
 
 

@@ -2,9 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
 
 from rmll_eval.conditions import Conditions
+from rmll_eval.evaluation_report import (
+    EvaluationReport,
+    MeanAndWorst,
+    PaperComparison,
+    WalkRecord,
+)
 from rmll_eval.paper_reference import FLAT, Reference
 from rmll_eval.walk_metrics import ENERGY, METRICS, WalkMetrics, fallen, faulted, mean, stuck, worst
 
@@ -58,33 +63,39 @@ class Evaluation:
         wanted = vx, frequency
         return [walk for walk in self.walks if (walk.trial.vx, walk.trial.frequency) == wanted]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values: mean and worst of every metric, the paper's energy, and each walk."""
-        walks, reference = self.walks, self.reference
+    def report(self) -> EvaluationReport:
+        """Mean and worst of every metric, the paper's energy, and each walk."""
+        walks = self.walks
+        return EvaluationReport(
+            gait=self.gait,
+            policy=self.policy,
+            world=self.world,
+            seconds=self.seconds,
+            seed=self.seed,
+            ground=self.conditions.ground,
+            level=self.conditions.level,
+            pushes=self.conditions.pushes,
+            episodes=len(walks),
+            falls=fallen(walks),
+            faults=faulted(walks),
+            stuck=stuck(walks),
+            **{m.name: MeanAndWorst(mean(m, walks), worst(m, walks)) for m in METRICS},
+            energy_at_the_papers_speeds=self._comparison(),
+            walks=tuple(map(_flat, walks)),
+        )
+
+    def _comparison(self) -> PaperComparison | None:
+        if (reference := self.reference) is None:
+            return None
         compared = self.at_the_papers_speeds()
-        return {
-            "gait": self.gait,
-            "policy": self.policy,
-            "world": self.world,
-            "seconds": self.seconds,
-            "seed": self.seed,
-            **asdict(self.conditions),
-            "episodes": len(walks),
-            "falls": fallen(walks),
-            "faults": faulted(walks),
-            "stuck": stuck(walks),
-            **{m.name: {"mean": mean(m, walks), "worst": worst(m, walks)} for m in METRICS},
-            "energy_at_the_papers_speeds": reference
-            and {
-                "vx": reference.vx,
-                "episodes": len(compared),
-                "energy_per_metre": mean(ENERGY, compared),
-                "paper": reference.energy_per_metre,
-            },
-            "walks": [_flat(walk) for walk in walks],
-        }
+        return PaperComparison(
+            vx=reference.vx,
+            episodes=len(compared),
+            energy_per_metre=mean(ENERGY, compared),
+            paper=reference.energy_per_metre,
+        )
 
 
-def _flat(walk: WalkMetrics) -> dict[str, Any]:
+def _flat(walk: WalkMetrics) -> WalkRecord:
     plain = asdict(walk)
-    return plain.pop("trial") | plain
+    return WalkRecord(**plain.pop("trial"), **plain)

@@ -8,6 +8,7 @@ from json import dumps
 from pathlib import Path
 from typing import Annotated, Literal
 
+import msgspec
 import tyro
 from rich.progress import MofNCompleteColumn, TimeRemainingColumn
 
@@ -110,7 +111,7 @@ def gait(
         bundle.contract.gait, str(found.source), world, seconds, seed, conditions, walks
     )
     if json:
-        print(dumps(evaluation.to_dict()))
+        print(dumps(msgspec.to_builtins(evaluation.report())))
     else:
         show(evaluation, as_grid)
     if as_grid:

@@ -58,7 +58,7 @@ class Origin(msgspec.Struct, frozen=True):
     """The part of a contract that tells which policy this is."""
 
     gait: str
-    table: dict[str, Any]
+    table: dict[str, object]
     provenance: dict[str, Any]
 
 

@@ -6,10 +6,11 @@ This one table trains the policy, travels in the bundle, steers the robot and ju
 import hashlib
 import json
 import math
-import operator
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TypedDict
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,6 +52,21 @@ class Commands:
         middle = sum(self.frequency) / 2
         whole = round(middle)
         return float(whole) if whole in self.whole_frequencies else middle
+
+
+class PlainTable(TypedDict):
+    """A table as JSON has it."""
+
+    gait: str
+    states: list[str]
+    start: int
+    sink: int | None
+    commands: dict[str, list[float]]
+    next_state: list[list[int]]
+    effect: list[list[int]]
+    dwell: list[list[float]]
+    grace: list[list[int]]
+    hold: list[list[bool]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,34 +132,34 @@ class MachineTable:
         Everything counts but names: the gait's, those of its states, its description. A policy sees
         its states by their order, and was trained within the ranges of its commands.
         """
-        rules = self.to_dict() | {"gait": "", "states": self.num_states}
+        rules = {**self.to_dict(), "gait": "", "states": self.num_states}
         return hashlib.sha256(json.dumps(rules, sort_keys=True).encode()).hexdigest()
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> PlainTable:
         """Plain lists and numbers, exact, for JSON."""
-        plain: dict[str, Any] = {
+        return {
             "gait": self.gait,
             "states": list(self.states),
             "start": self.start,
             "sink": self.sink,
             "commands": {f.name: list(getattr(self.commands, f.name)) for f in fields(Commands)},
+            "next_state": self.next_state.tolist(),
+            "effect": self.effect.tolist(),
+            "dwell": self.dwell.tolist(),
+            "grace": self.grace.tolist(),
+            "hold": self.hold.tolist(),
         }
-        return plain | {name: getattr(self, name).tolist() for name in _ARRAYS}
 
     @classmethod
-    def from_dict(cls, plain: dict[str, Any]) -> "MachineTable":
+    def from_dict(cls, plain: Mapping[str, object]) -> "MachineTable":
         """Inverse of :meth:`to_dict`; raises InputError on anything that is no table."""
         try:
-            commands = Commands(
-                **{f.name: (float(lo), float(hi)) for f in fields(Commands)
-                   for lo, hi in [plain["commands"][f.name]]}
-            )  # fmt: skip
             return cls(
-                gait=str(plain["gait"]),
-                states=tuple(map(str, plain["states"])),
-                start=operator.index(plain["start"]),
-                sink=None if plain["sink"] is None else operator.index(plain["sink"]),
-                commands=commands,
+                gait=msgspec.convert(plain["gait"], str),
+                states=msgspec.convert(plain["states"], tuple[str, ...]),
+                start=msgspec.convert(plain["start"], int),
+                sink=msgspec.convert(plain["sink"], int | None),
+                commands=msgspec.convert(plain["commands"], Commands),
                 **{name: np.array(plain[name]) for name in _ARRAYS},
             )
         except (KeyError, TypeError, ValueError, OverflowError) as error:

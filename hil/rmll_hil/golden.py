@@ -105,13 +105,13 @@ def record(story: Story, bundle: Bundle, path: Path) -> str | None:
     """Play a story into a new log; returns the fault that ended it, if one did."""
     about = describe(bundle, story.settings, real_time=False)
     about = msgspec.structs.replace(about, arguments=[])  # ours say nothing about the walk
-    plan = parse_plan(list(story.plan), bundle.robot)
+    plan = parse_plan(story.plan, bundle.robot)
     emulator = Emulator(robot=bundle.robot, plan=plan)
     with log_file(path, about, compact=True) as log:
         outcome = lockstep.walk(
             emulator, bundle, story.operator, lambda _: None, log.add, story.settings
         )
-    return outcome.report["fault"]
+    return outcome.report.fault
 
 
 def stories(policies: Path) -> Iterator[tuple[Story, Bundle]]:

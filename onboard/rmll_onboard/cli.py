@@ -28,6 +28,7 @@ from rmll_onboard.runtime.loop import Loop
 from rmll_onboard.runtime.report_text import report_text
 from rmll_onboard.runtime.systemd_notify import SystemdNotifier
 from rmll_onboard.settings.runtime_settings import Kind, RuntimeSettings, as_yaml, load_settings
+from rmll_onboard.state.reports import RunReport
 
 BUTTONS = (
     "START stands up, A walks, B stands still, SELECT sits down, L2+B damps for good.\n"
@@ -125,13 +126,14 @@ def _walk(
         warmer = cache_warmer(bundle, settings)
         loop = Loop(daemon, link, settings.realtime, keep, service, warmer)
         loop.run(settings.link.startup_timeout)
-    report = {"gait": bundle.contract.gait} | daemon.report() | loop.report()
-    report |= {"record": recorder and recorder.report()}
+    kept = loop.report()
+    report = RunReport.of(daemon.report(), kept, recorder and recorder.report())
+    entries = msgspec.to_builtins(report)
     if not json:
         if percentiles:
-            print(timing.table(report))
-        del report["timekeeping"]
-    _show(report, json)
+            print(timing.table(kept))
+        del entries["timekeeping"]
+    _show(entries, json)
     if daemon.fault:
         raise Failure(daemon.fault)
     return 130 if loop.stopped_by is signal.SIGINT else 0

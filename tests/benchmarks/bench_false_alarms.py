@@ -150,8 +150,8 @@ def emulated(number: int) -> dict[str, Any]:
         "wire": "can" if can else "a1",
         "seconds": emulator.now_ms / 1000,
         "alarms": sorted(extremes.alarms),
-        "fault": report["fault"],
-        "warnings": report["warnings"],
+        "fault": report.fault,
+        "warnings": report.warnings,
         "worst": dict(zip(LIMITS, extremes.worst, strict=True)),
     }
 

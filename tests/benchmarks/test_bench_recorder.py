@@ -29,7 +29,7 @@ def test_handing_over_a_tick(benchmark, bundle, new_operator, walk, tell, tmp_pa
                 listener.observe(tick.now, tick.datagrams, answer)
                 took = (time.perf_counter_ns() - began) / 1000
                 (policy if daemon.due else plain).append(took)
-        assert recorder.report()["dropped"] == 0
+        assert recorder.report().dropped == 0
 
     benchmark.pedantic(record, rounds=1)
     tell("handing over a tick", plain)

@@ -1,13 +1,12 @@
 """What made-up walks come to, in numbers, on the screen and as a picture."""
 
-import json
-
 import numpy as np
 import pytest
 
 from rmll_eval.conditions import Conditions
 from rmll_eval.evaluation import Evaluation
 from rmll_eval.evaluation_case import EvaluationCase
+from rmll_eval.evaluation_report import PaperComparison
 from rmll_eval.picture import picture
 from rmll_eval.tables import show
 from rmll_eval.walk_metrics import ADHERENCE, ENERGY, VX_ERROR, WalkMetrics, fallen, mean, worst
@@ -54,24 +53,23 @@ def test_a_walk_with_many_touches_of_the_ground_is_one_with_a_fall() -> None:
 
 def test_the_papers_energy_is_compared_at_the_papers_speeds() -> None:
     walks = [walk(vx=1.0, energy_per_metre=40.0), walk(vx=0.25, energy_per_metre=400.0)]
-    compared = evaluation(*walks).to_dict()["energy_at_the_papers_speeds"]
+    compared = evaluation(*walks).report().energy_at_the_papers_speeds
     # 2165.04 in the paper's table, summed over steps of 0.02 s
-    assert compared == {"vx": (0.5, 1.0), "episodes": 1, "energy_per_metre": 40.0,
-                        "paper": pytest.approx(43.3, abs=0.01)}  # fmt: skip
+    assert compared == PaperComparison((0.5, 1.0), 1, 40.0, pytest.approx(43.3, abs=0.01))
 
 
 def test_a_gait_that_the_paper_does_not_have_has_no_reference() -> None:
     pronk = evaluation(walk(), gait="pronk")
-    assert json.loads(json.dumps(pronk.to_dict()))["energy_at_the_papers_speeds"] is None
+    assert pronk.report().energy_at_the_papers_speeds is None
     assert picture(pronk).axes[2].get_title() == "energy per metre [J/m]"
 
 
 def test_other_ground_is_named_and_not_compared_with_the_papers_flat_one() -> None:
     found = evaluation(walk(), conditions=Conditions("rough", 5, pushes=True))
     assert found.title.startswith("trot in the emulator on rough ground of level 5 with pushes: 1")
-    plain = found.to_dict()
-    assert (plain["ground"], plain["level"], plain["pushes"]) == ("rough", 5, True)
-    assert plain["energy_at_the_papers_speeds"] is None
+    report = found.report()
+    assert (report.ground, report.level, report.pushes) == ("rough", 5, True)
+    assert report.energy_at_the_papers_speeds is None
 
 
 def test_the_tables_name_metrics_with_their_units(capsys: pytest.CaptureFixture[str]) -> None:

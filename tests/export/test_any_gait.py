@@ -25,6 +25,7 @@ from rmll_hil.runs import lockstep
 from rmll_onboard.commands.operator import FlagOperator
 from rmll_onboard.control.bundle import Bundle, load_bundle
 from rmll_onboard.control.controller import prove
+from rmll_onboard.state.reports import RunReport
 from rmll_train.train_settings import EnvSettings, LearnerSettings, TrainSettings
 from rmll_train.training import Run
 
@@ -94,7 +95,7 @@ def trained(table: MachineTable, loudness: float, on_violation: str, folder: Pat
     return folder / "policy.safetensors"
 
 
-def walked(bundle: Bundle) -> dict[str, Any]:
+def walked(bundle: Bundle) -> RunReport:
     """What the daemon reports of a second's walk at the end of the gait's commands."""
     commands = bundle.table.commands
     operator = FlagOperator(commands, commands.vx[1], commands.wz[0], None, 1.0)
@@ -124,7 +125,7 @@ def test_every_gait_is_trained_exported_proven_and_walked(
         assert prove(loaded) >= 1
         report = walked(loaded)
     # an untrained robot may fall, and a wild one is stopped: what counts is that it is said
-    assert report["fault"] is None or isinstance(report["fault"], str)
+    assert report.fault is None or isinstance(report.fault, str)
 
 
 def test_an_action_beyond_its_range_is_compared_as_the_network_gave_it(tmp_path: Path) -> None:

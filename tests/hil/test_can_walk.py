@@ -87,19 +87,21 @@ def walk(emulator: OnBuses, can: Can, seconds: float, vx: float = 0.5) -> Outcom
 def test_the_trot_walks(emulator: OnBuses, can: Can) -> None:
     outcome = walk(emulator, can, 8.0)
     figures = summary(outcome, "trot", A1)
-    assert figures["fault"] is None
-    assert figures["falls"] == 0
-    assert figures["adherence"] >= 0.9
-    assert figures["vx_error"] <= 0.15
-    assert outcome.report["packets"]["lost"] == 0
+    assert figures.fault is None
+    assert figures.falls == 0
+    assert figures.adherence >= 0.9
+    assert figures.vx_error <= 0.15
+    assert outcome.report.packets.lost == 0
     assert agreement(outcome) >= 0.8
 
 
 def agreement(outcome: Outcome) -> float:
     """Share of feet and policy steps whose contact is what the daemon took it for."""
-    rows = [row for row in outcome.log if row["mode"] == "walking"]
-    seen = np.array([[row[f"down_{foot}"] for foot in A1.foot_names] for row in rows], bool)
-    moments = np.array([row["t_ns"] for row in rows])
+    rows = [row for row in outcome.log if row.mode == "walking"]
+    seen = np.array(
+        [[getattr(row, f"down_{foot}") for foot in A1.foot_names] for row in rows], bool
+    )
+    moments = np.array([row.t_ns for row in rows])
     truth = outcome.truth[np.searchsorted(outcome.truth["time_ns"], moments)]
     return float((seen == truth["contact"]).mean())
 
@@ -107,7 +109,7 @@ def agreement(outcome: Outcome) -> float:
 def test_an_actuator_that_falls_silent_damps_the_robot(emulator: OnBuses, can: Can) -> None:
     emulator.fails_at[6000] = lambda: emulator.silent.add(2)
     outcome = walk(emulator, can, 8.0)
-    assert outcome.report["fault"] == "actuator FR_thigh_joint has been silent for more than 50 ms"
+    assert outcome.report.fault == "actuator FR_thigh_joint has been silent for more than 50 ms"
     assert damped_after(outcome, 6000) <= 75
     assert_damped(emulator)
     # the farewell is long enough for the robot to sink; only then do the actuators go limp
@@ -121,15 +123,15 @@ def test_an_actuators_error_damps_the_robot(emulator: OnBuses, can: Can) -> None
 
     emulator.fails_at[6000] = fail
     outcome = walk(emulator, can, 8.0)
-    assert outcome.report["fault"] == "actuator FL_calf_joint reports error 2: over-current"
+    assert outcome.report.fault == "actuator FL_calf_joint reports error 2: over-current"
     assert damped_after(outcome, 6000) <= 25
     assert_damped(emulator)
 
 
 def damped_after(outcome: Outcome, failure_ms: int) -> float:
     """[ms] from a failure to the first row of the log that is damped; the log has 50 Hz."""
-    walking = [row for row in outcome.log if row["mode"] == "walking"]
-    return walking[-1]["t_ns"] / 1e6 + 20 - failure_ms
+    walking = [row for row in outcome.log if row.mode == "walking"]
+    return walking[-1].t_ns / 1e6 + 20 - failure_ms
 
 
 def assert_damped(emulator: OnBuses) -> None:

@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rmll_common import typed_yaml
 from rmll_common.errors import InputError
 from rmll_hil.faults.fault_rows import ROWS
 from rmll_hil.robot.emulator import Emulator
-from rmll_hil.robot.fault_plan import KINDS, Network, Push, load_plan, parse_plan
+from rmll_hil.robot.fault_plan import KINDS, Network, Push, load_plan, parse_plan, read_plan
 from rmll_hil.robot.lossy_channel import LossyChannel
 from rmll_hil.robot.sensors import QUIET
 from rmll_onboard.protocol import a1_remote
@@ -82,12 +83,12 @@ def test_any_yaml_is_a_plan_or_one_error(plain: list, kind: str) -> None:
         if isinstance(entry, dict):
             entry["fault"] = kind
     with suppress(InputError):
-        parse_plan(plain, A1)
+        read_plan(typed_yaml.dump(plain), "plan", A1)
 
 
 def test_the_rows_of_the_table_are_plans() -> None:
     for row in ROWS:
-        assert len(parse_plan(list(row.plan), A1)) == len(row.plan)
+        assert len(parse_plan(row.plan, A1)) == len(row.plan)
     assert len({row.name for row in ROWS}) == len(ROWS)
     # every kind of fault is provoked
     assert {entry["fault"] for row in ROWS for entry in row.plan} == set(KINDS)

@@ -57,9 +57,9 @@ def walk(emulator: Emulator, gait: str = "trot", seconds: float = 5.0, **command
 
 def holds(outcome: Outcome, adherence: float = 0.95) -> None:
     found = metrics.summary(outcome, "trot", A1)
-    assert found["fault"] is None
-    assert found["falls"] == 0
-    assert found["adherence"] > adherence
+    assert found.fault is None
+    assert found.falls == 0
+    assert found.adherence > adherence
 
 
 def test_a_hurried_trot_is_told_in_time_which_feet_are_in_the_air() -> None:
@@ -92,15 +92,15 @@ def test_a_sensor_of_any_unit_is_learnt(case, gait) -> None:
     units = UNITS[case]
     outcome = walk(Feet(units=units, noise=Noise(foot_force=0.0, foot_noise_share=0.05)), gait)
     holds(outcome)
-    report = outcome.report["feet"]
+    report = outcome.report.feet
     # at 0.2 units a newton, rounding is as much noise again
-    assert all("too noisy" in doubt for doubt in report["doubts"].values())
-    assert len(report["doubts"]) <= (units.gain == 0.2)
+    assert all("too noisy" in doubt for doubt in report.doubts.values())
+    assert len(report.doubts) <= (units.gain == 0.2)
     # creep makes the emulator's feet read up to a tenth more than their gain, which varies by one
     for foot, gain in enumerate(np.broadcast_to(units.gain, 4)):
-        trusted = FEET[foot] not in report["doubts"]
-        assert report["contact_by"][foot] == ("sensor" if trusted else "torque")
-        assert not trusted or 0.8 * gain < report["gain"][foot] < 1.35 * gain
+        trusted = FEET[foot] not in report.doubts
+        assert report.contact_by[foot] == ("sensor" if trusted else "torque")
+        assert not trusted or 0.8 * gain < report.gain[foot] < 1.35 * gain
 
 
 def test_the_first_second_rests_on_no_sensor() -> None:
@@ -108,7 +108,7 @@ def test_the_first_second_rests_on_no_sensor() -> None:
     began = []
     for gain in (0.2, 20.0):
         outcome = walk(Feet(units=FootUnits(gain, 500.0)), seconds=1.0)
-        began.append([row["down_FR"] for row in outcome.log if row["mode"] == "walking"][:50])
+        began.append([row.down_FR for row in outcome.log if row.mode == "walking"][:50])
     assert began[0] == began[1]
 
 
@@ -137,8 +137,8 @@ def test_led_by_a_remote_the_bias_is_followed_through_standing(units) -> None:
     emulator = Feet(units=units, noise=Noise(foot_force=0.0, foot_noise_share=0.05))
     outcome = lockstep.walk(emulator, bundle(), Led(), lambda _: None)
     holds(outcome)
-    assert outcome.report["warnings"] == []
-    assert outcome.report["feet"]["contact_by"] == ["sensor"] * 4
+    assert outcome.report.warnings == ()
+    assert outcome.report.feet.contact_by == ("sensor",) * 4
 
 
 def dying(feet: list[int], value: float, since: float = 0.0) -> Change:
@@ -166,10 +166,10 @@ def test_a_dead_sensor_is_named_and_the_walk_holds(value, feet, since) -> None:
     holds(outcome, 0.9)
     saturated = "saturated, " if abs(value) > 32000 else ""
     reason = f"{saturated}reads {value} whatever the load"
-    assert outcome.report["feet"]["doubts"] == {FEET[foot]: reason for foot in feet}
+    assert outcome.report.feet.doubts == {FEET[foot]: reason for foot in feet}
     for foot in feet:
         told = f"foot sensor {FEET[foot]}: {reason}; the leg's torques stand in"
-        assert told in outcome.report["warnings"]
+        assert told in outcome.report.warnings
 
 
 @pytest.mark.parametrize("since", [0.0, 6.0], ids=["at once", "walking"])
@@ -182,17 +182,17 @@ def test_four_feet_of_noise_are_named_and_the_walk_holds(since) -> None:
     outcome = walk(Feet(noise), seconds=6.0)
     holds(outcome, 0.9)
     reason = "reads 18 to 29 whatever the load"
-    assert outcome.report["feet"]["doubts"] == dict.fromkeys(FEET, reason)
+    assert outcome.report.feet.doubts == dict.fromkeys(FEET, reason)
     for foot in FEET:
         told = f"foot sensor {foot}: {reason}; the leg's torques stand in"
-        assert told in outcome.report["warnings"]
+        assert told in outcome.report.warnings
 
 
 @pytest.mark.parametrize("gait", ["trot", "pronk"])
 def test_too_noisy_a_sensor_is_named_and_the_walk_holds(gait) -> None:
     outcome = walk(Feet(noise=Noise(foot_noise_share=0.25)), gait)
     holds(outcome)
-    doubts = outcome.report["feet"]["doubts"]
+    doubts = outcome.report.feet.doubts
     assert list(doubts) == list(FEET)
     assert all("too noisy" in doubt or "the leg bears" in doubt for doubt in doubts.values())
 
@@ -207,7 +207,7 @@ class Deaf(ContactEstimator):
 
 def test_a_stuck_gait_says_whose_contact_it_awaited(monkeypatch) -> None:
     monkeypatch.setattr(a1_interface, "ContactEstimator", Deaf)
-    warnings = walk(Feet(dying([0, 3], 7)), seconds=6.0).report["warnings"]
+    warnings = walk(Feet(dying([0, 3], 7)), seconds=6.0).report.warnings
     (stuck,) = {text for text in warnings if "stuck" in text}
     assert " policy steps without a transition; awaited " in stuck
     assert "on the ground" in stuck
@@ -247,4 +247,4 @@ class FixedThresholds(ContactEstimator):
 def test_an_estimate_by_a_guess_does_not_walk(monkeypatch) -> None:
     """The tests above mean something."""
     monkeypatch.setattr(a1_interface, "ContactEstimator", FixedThresholds)
-    assert walk(Feet(units=FootUnits(0.5))).report["adherence"] < 0.5
+    assert walk(Feet(units=FootUnits(0.5))).report.adherence < 0.5

@@ -101,8 +101,8 @@ def test_the_trot_walks_on_rough_ground() -> None:
     operator = FlagOperator(bundle.table.commands, vx=0.5, seconds=4.0)
     outcome = lockstep.walk(robot, bundle, operator, lambda _: None)
     figures = summary(outcome, "trot", bundle.robot)
-    assert figures["seconds"] == 4
-    assert figures["distance"] > 1
+    assert figures.seconds == 4
+    assert figures.distance > 1
     heights = outcome.truth["position"][:, 2]
     assert heights.max() > 0.25
 

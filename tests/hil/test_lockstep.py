@@ -26,24 +26,24 @@ def stand(bundle: Path, seed: int = 0) -> Outcome:
 def test_stands_up_and_lies_down_again(standing: Path) -> None:
     outcome = stand(standing)
     # it walks as soon as it stands, so a log at 50 Hz need not see it stand
-    modes = list(dict.fromkeys(row["mode"] for row in outcome.log))
+    modes = list(dict.fromkeys(row.mode for row in outcome.log))
     modes = [mode for mode in modes if mode != "standing"]
     assert modes == ["damping", "standing_up", "walking", "sitting_down"]
-    assert outcome.report["fault"] is None
+    assert outcome.report.fault is None
     height = outcome.truth["position"][:, 2]
     assert height.max() > 0.28
     assert height[-1] < 0.15
     # not while it plants its feet and sits down, which is faster than its weight
-    before = outcome.truth["time_ns"] <= outcome.report["walking_end_ns"]
+    before = outcome.truth["time_ns"] <= outcome.report.walking_end_ns
     upright = outcome.truth[before & (np.abs(height - height.max()) < 0.02)]
     assert upright["contact"].all(axis=1).mean() > 0.95
 
 
 def test_every_datagram_arrives(standing: Path) -> None:
-    packets = stand(standing).report["packets"]
-    assert packets["rejected"] == packets["lost"] == 0
+    packets = stand(standing).report.packets
+    assert packets.rejected == packets.lost == 0
     # no state before the first command, and none for the farewell's
-    assert packets["sent"] == packets["received"] + 1 + 100
+    assert packets.sent == packets.received + 1 + 100
 
 
 def test_one_seed_one_outcome(standing: Path) -> None:
@@ -65,5 +65,5 @@ def test_a_robot_that_is_knocked_over_has_fallen(standing: Path) -> None:
     operator = FlagOperator(loaded.table.commands, seconds=10.0)
     outcome = lockstep.walk(emulator, loaded, operator, kick, settings=PATIENT)
     figures = summary(outcome, "trot", A1)
-    assert figures["fault"].startswith("tilted")
-    assert figures["falls"] == 1
+    assert figures.fault.startswith("tilted")
+    assert figures.falls == 1

@@ -46,20 +46,20 @@ def steady(
 
 def test_a_minute_over_a_bad_network(trot: Bundle) -> None:
     figures = steady(trot, 60, loss=0.01, jitter_ms=5, duplicates=0.01, reorder=0.01)
-    assert (figures["fault"], figures["falls"]) == (None, 0)
-    assert figures["seconds"] == 60
-    assert figures["adherence"] >= 0.9
-    assert figures["packets"]["lost"] > 100
+    assert (figures.fault, figures.falls) == (None, 0)
+    assert figures.seconds == 60
+    assert figures.adherence >= 0.9
+    assert figures.packets.lost > 100
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_with_a_fifth_lost_it_walks_or_damps(trot: Bundle, seed: int) -> None:
     figures = steady(trot, 10, seed, loss=0.2, jitter_ms=5, duplicates=0.05, reorder=0.05)
-    if figures["fault"] is None:
-        assert figures["falls"] == 0
-        assert figures["adherence"] >= 0.8
+    if figures.fault is None:
+        assert figures.falls == 0
+        assert figures.adherence >= 0.8
     else:
-        assert "no state" in figures["fault"]
+        assert "no state" in figures.fault
 
 
 class Hostile:
@@ -131,8 +131,8 @@ def test_a_hundred_thousand_hostile_datagrams(trot: Bundle) -> None:
             sent += len(batch) + 2
         link.close()
     assert sent > 100_000
-    assert (daemon.fault, daemon.report()["warnings"]) == (None, [])
-    assert daemon.report()["adherence"] > 0.9
+    assert (daemon.fault, daemon.report().warnings) == (None, ())
+    assert daemon.report().adherence > 0.9
     assert not emulator.truth()["grounded"][400:-400].any()
     # one good state a tick, and nothing else was believed
     assert daemon.interface.received == len(ticks) - 1

@@ -193,7 +193,7 @@ def test_a_walk_over_can_replays_too(standing, tmp_path):
     operator = FlagOperator(bundle.table.commands, seconds=0.5)
     with log_file(log, describe(bundle, settings, real_time=False)) as file:
         outcome = lockstep.walk(emulator, bundle, operator, lambda _: None, file.add, settings)
-    assert outcome.report["policy_steps"] > 20
+    assert outcome.report.policy_steps > 20
     found = through(FlightLog(log), standing)
     assert found.identical, found.first
 
@@ -204,7 +204,7 @@ def test_a_minute_of_trotting_replays_to_the_byte(tmp_path):
     operator = FlagOperator(bundle.table.commands, 0.5, 0.1, 8.0, seconds=60.0)
     with log_file(log, describe(bundle, RuntimeSettings(), real_time=False)) as file:
         outcome = lockstep.walk(Emulator(), bundle, operator, lambda _: None, file.add)
-    assert outcome.report["policy_steps"] >= 3000
+    assert outcome.report.policy_steps >= 3000
     found = replay(FlightLog(log), bundle, lambda _: None)
     assert found.ticks > 12_000
     assert found.identical, found.first

@@ -10,10 +10,12 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
-from rmll_common.errors import InputError
+from rmll_common.errors import Failure, InputError
 from rmll_hil.robot.emulator import EmulatorSettings
 from rmll_hil.runs import realtime_run
 from rmll_onboard.recording.flight_log import FlightLog
@@ -28,6 +30,18 @@ MEASURED = [
     *("t", "advanced", "off_spec", "vx", "wz", "energy"),
     *("true_x", "true_y", "true_vx", "true_wz"),
 ]
+REPORT = (
+    '{"gait":"trot","walking_start_ns":5,"walking_end_ns":7,"policy_steps":11,"transitions":3,'
+    '"allowed":3.5,"adherence":0.857,"off_spec_contact":0.2,"fault":null,"warnings":["hot"],'
+    '"stuck_walks":0,"feet":{"contact_by":["torque","sensor","torque","torque"],'
+    '"gain":[null,2.1,null,null],"bias":[null,-3.0,null,null],"doubts":{"FR":"too noisy"}},'
+    '"refused":{"late":1},"tick_us":{"p50":1.0,"p99":2.0,"p999":3.0,"max":3.1},"wake_us":null,'
+    '"rss_mb":80.5,"timekeeping":{"plain_tick_us":null,"slack_us":{"p50":4.0,"p01":3.0,'
+    '"p001":2.0,"min":-1.5},"missed":0,"memory_mb":[80.0,80.5]},"packets":{"sent":500,'
+    '"received":490,"rejected":1,"lost":9},"record":{"file":"run.mcap","dropped":0,"ticks":500,'
+    '"megabytes":0.3,"trouble":null}}'
+)
+"""What ``rmll-onboard --json`` has printed ever since"""
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
 
 
@@ -197,8 +211,24 @@ def test_a_machine_that_is_too_busy_is_told(standing: Path, tmp_path: Path) -> N
 
 @pytest.mark.parametrize(("missed", "lost", "busy"), [(0, 3, False), (2, 9, True), (20, 0, True)])
 def test_a_run_that_kept_time_has_its_own_faults(missed: int, lost: int, busy: bool) -> None:
-    report = {"timekeeping": {"missed": missed}, "packets": {"sent": 500, "lost": lost}}
+    report = realtime_run.read_report(REPORT)
+    assert report.timekeeping
+    kept, packets = replace(report.timekeeping, missed=missed), replace(report.packets, lost=lost)
+    report = replace(report, timekeeping=kept, packets=packets)
     assert (realtime_run.too_busy(report) is not None) == busy
+
+
+def test_the_daemons_report_is_the_same_json_again() -> None:
+    assert msgspec.json.encode(realtime_run.read_report(REPORT)).decode() == REPORT
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["Segmentation fault", "[]", "{}", "[" * 100_000, REPORT[:-1], REPORT.replace("11", '"x"')],
+)
+def test_a_report_that_is_none_is_told_in_one_line(text: str) -> None:
+    with pytest.raises(Failure, match=r"^the daemon's report cannot be read: .*$"):
+        realtime_run.read_report(text)
 
 
 def test_the_figures_are_those_of_the_table_beside_them(tmp_path: Path) -> None:

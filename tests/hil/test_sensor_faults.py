@@ -49,19 +49,19 @@ def sensors(fault: str, *names: str) -> dict:
 )
 def test_over_can_it_damps_within_two_tenths_of_a_second(fault: dict, words: str) -> None:
     outcome = walk(fault)
-    assert words in (outcome.report["fault"] or "no fault")
+    assert words in (outcome.report.fault or "no fault")
     # the daemon ends with its fault
-    assert outcome.log[-1]["t_ns"] / 1e9 - AT < 0.2
+    assert outcome.log[-1].t_ns / 1e9 - AT < 0.2
 
 
 def test_over_can_sensors_in_order_are_believed() -> None:
     outcome = walk()
-    assert (outcome.report["fault"], outcome.report["warnings"]) == (None, [])
+    assert (outcome.report.fault, outcome.report.warnings) == (None, ())
 
 
 def test_over_can_without_an_orientation_it_does_not_stand_up() -> None:
     outcome = walk({"fault": "dead_sensor", "sensors": ["orientation"]})
-    assert outcome.report["fault"] == (
+    assert outcome.report.fault == (
         "refused to stand up: no orientation: its quaternion has the length 0.00"
     )
     assert np.ptp(outcome.truth["position"][:, 2]) < 0.01

@@ -55,7 +55,7 @@ class End:
     stuck: bool
     speed: float
     """[m/s] on the ground, when it was made to stand"""
-    warnings: list[str]
+    warnings: tuple[str, ...]
 
 
 class _Ending:
@@ -137,11 +137,11 @@ def end(gait: str, seed: int, numb: bool = True, request: Request | None = None)
         outcome = lockstep.walk(emulator, bundle, operator, lambda _: None, settings=SETTINGS)
     truth, report = outcome.truth, outcome.report
     stopped = truth["time_ns"][-1] if operator.stopped is None else operator.stopped
-    walked = truth["time_ns"] > report["walking_start_ns"]
+    walked = truth["time_ns"] > report.walking_start_ns
     watched = truth[walked & (truth["time_ns"] < stopped + AFTER * NS)]
     velocity = truth["velocity"][np.searchsorted(truth["time_ns"], stopped), :2]
-    upright = report["fault"] is None and not watched["grounded"].any()
-    return End(upright, report["stuck_walks"] > 0, float(np.hypot(*velocity)), report["warnings"])
+    upright = report.fault is None and not watched["grounded"].any()
+    return End(upright, report.stuck_walks > 0, float(np.hypot(*velocity)), report.warnings)
 
 
 @pytest.mark.parametrize("gait", GAITS)
@@ -157,7 +157,7 @@ def test_feet_that_feel_nothing_any_more_at_full_speed(gait: str, seed: int) -> 
 def test_all_ends_of_a_walk_are_the_same(numb: bool) -> None:
     """Numb from the very moment at which the operator ends the walk, so that nobody notices."""
     ended = end("trot", 3, numb, Request.STAND)
-    assert (ended.upright, ended.stuck, ended.warnings) == (True, False, [])
+    assert (ended.upright, ended.stuck, ended.warnings) == (True, False, ())
     assert ended.speed < 0.2
 
 

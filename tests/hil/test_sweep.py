@@ -20,13 +20,13 @@ def test_the_trot_follows_c_f_from_12_to_6_and_back(tmp_path: Path) -> None:
     values, seconds = (12.0, 6.0, 12.0), 12.0
     operator = FlagOperator(bundle.table.commands, 0.5, 0.0, values, seconds)
     outcome = lockstep.walk(Emulator(EmulatorSettings(seed=2)), bundle, operator, lambda _: None)
-    assert outcome.report["fault"] is None
+    assert outcome.report.fault is None
     found = sweep.phases(outcome, bundle.table, values, seconds)
-    assert [phase["frequency"] for phase in found] == list(values)
-    assert all(phase["adherence"] > 0.9 for phase in found)
-    slow, fast, again = (phase["transitions"] for phase in found)
+    assert [phase.frequency for phase in found] == list(values)
+    assert all(phase.adherence > 0.9 for phase in found)
+    slow, fast, again = (phase.transitions for phase in found)
     assert fast > 1.4 * max(slow, again)
-    told = column([row for row in outcome.log if row["mode"] == "walking"], "frequency")
+    told = column([row for row in outcome.log if row.mode == "walking"], "frequency")
     assert (told.min(), told.max()) == (6, 12)
     steps = abs(told[1:] - told[:-1])
     assert 0 < steps.max() <= Steering().frequency / 50 + 1e-9
@@ -47,8 +47,8 @@ def test_a_walk_that_ends_early_has_figures_of_what_it_reached(standing: Path) -
     # a policy that stands makes no transitions
     patient = onboard.RuntimeSettings(safety=Safety(stuck=100))
     outcome = lockstep.walk(emulator, bundle, operator, kick, settings=patient)
-    assert outcome.report["fault"]
+    assert outcome.report.fault
     found = sweep.phases(outcome, bundle.table, values, 3.0)
-    assert [phase["frequency"] for phase in found] == [12.0, 6.0]
-    assert found[0]["seconds"] == pytest.approx(1.0)
-    assert found[1]["seconds"] < 0.7
+    assert [phase.frequency for phase in found] == [12.0, 6.0]
+    assert found[0].seconds == pytest.approx(1.0)
+    assert found[1].seconds < 0.7

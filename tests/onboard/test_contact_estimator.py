@@ -11,6 +11,7 @@ from rmll_onboard.control.contact_estimator import CLEAR_HEIGHT, FIRM, GRAVITY, 
 from rmll_onboard.control.leg_force import LegForce
 from rmll_onboard.settings.runtime_settings import Feet
 from rmll_onboard.state.modes import Mode
+from rmll_onboard.state.reports import FeetReport
 from rmll_onboard.state.robot_state import RobotState
 from rmll_robots import A1
 
@@ -82,7 +83,7 @@ def test_no_step_of_any_gait_is_hidden_from_the_first_one_on(gait, end):
     gain, bias = random.uniform(0.2, 20, 4), random.uniform(-500, 500, 4)
     feet = ContactEstimator(Feet(), A1, sensors=True)
     assert wrong(walk(feet, down, lambda load: gain * load + bias), down) < 0.005
-    assert feet.report()["contact_by"] == ["sensor"] * 4
+    assert feet.report().contact_by == ("sensor",) * 4
     assert wrong(walk(ContactEstimator(Feet(), A1, False), down, lambda load: 0), down) < 0.005
 
 
@@ -134,18 +135,16 @@ def test_a_doubted_foot_is_named_with_its_reason_and_the_others_go_on(by_sensor)
     reason = "reads 0 whatever the load"
     assert by_sensor.complaints == [f"foot sensor FR: {reason}; the leg's torques stand in"]
     report = by_sensor.report()
-    assert report["doubts"] == {"FR": reason}
-    assert report["contact_by"] == ["torque", "sensor", "sensor", "sensor"]
-    assert report["gain"] == [None, *[pytest.approx(2, rel=0.05)] * 3]
+    assert report.doubts == {"FR": reason}
+    assert report.contact_by == ("torque", "sensor", "sensor", "sensor")
+    assert report.gain == (None, *[pytest.approx(2, rel=0.05)] * 3)
 
 
 def test_a_robot_without_foot_sensors_is_not_complained_of(by_torque):
     down = stances("trot", 9, 4)
     walk(by_torque, down, lambda load: 0)
     assert by_torque.complaints == []
-    assert by_torque.report() == {
-        "contact_by": ["torque"] * 4, "gain": [], "bias": [], "doubts": {}
-    }  # fmt: skip
+    assert by_torque.report() == FeetReport(("torque",) * 4, gain=(), bias=(), doubts={})
 
 
 def test_a_stand_is_learnt_from_only_on_legs_that_bear_the_robot(by_sensor):
@@ -157,11 +156,11 @@ def test_a_stand_is_learnt_from_only_on_legs_that_bear_the_robot(by_sensor):
         by_sensor.rest(Mode.DAMPING, stood, LEVEL)
         by_sensor.rest(Mode.STANDING, stood, np.full(3, np.nan))
     by_sensor.reset()
-    assert by_sensor.report()["bias"] == pytest.approx([50] * 4, abs=4)
+    assert by_sensor.report().bias == pytest.approx((50,) * 4, abs=4)
     for _ in range(100):
         by_sensor.rest(Mode.STANDING, stood, LEVEL)
     by_sensor.reset()
-    assert by_sensor.report()["bias"] == pytest.approx([350] * 4, abs=4)
+    assert by_sensor.report().bias == pytest.approx((350,) * 4, abs=4)
 
 
 def test_what_was_awaited_is_told_with_all_that_is_known(by_sensor, by_torque):

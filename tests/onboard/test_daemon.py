@@ -79,12 +79,12 @@ def test_a_walk_by_flags_from_start_to_end(by_flags, robot):
     report = daemon.report()
     assert daemon.finished
     assert robot.damped
-    assert report["fault"] is None
-    assert report["policy_steps"] == 101
-    assert report["walking_end_ns"] - report["walking_start_ns"] == 2_000_000_000
-    assert report["transitions"] == pytest.approx(report["allowed"], abs=1.5)
-    assert report["adherence"] == pytest.approx(1, abs=0.15)
-    assert report["off_spec_contact"] < 0.15  # all feet down for a step at each change
+    assert report.fault is None
+    assert report.policy_steps == 101
+    assert report.walking_end_ns - report.walking_start_ns == 2_000_000_000
+    assert report.transitions == pytest.approx(report.allowed, abs=1.5)
+    assert report.adherence == pytest.approx(1, abs=0.15)
+    assert report.off_spec_contact < 0.15  # all feet down for a step at each change
     assert (daemon.interface.rejected, daemon.interface.lost) == (0, 0)
 
 
@@ -129,7 +129,7 @@ def test_the_remote_leads_through_a_walk(by_remote, robot):
     assert hold(["SELECT"], 0.5)[1] == 0
     assert robot.damped
     assert not by_remote.daemon.finished
-    assert by_remote.daemon.report()["policy_steps"] > before["policy_steps"]
+    assert by_remote.daemon.report().policy_steps > before.policy_steps
     assert hold(["START"], 1.0)[1] == A1.stand_kp  # and once more
 
 
@@ -160,7 +160,7 @@ def test_a_stick_that_is_no_number_is_a_bad_packet_and_damps(by_remote, robot, v
     daemon = by_remote.daemon
     assert daemon.fault.startswith("no state from the robot")
     assert "not finite" in daemon.fault
-    assert daemon.report()["refused"]["not finite"] > 10
+    assert daemon.report().refused["not finite"] > 10
     assert robot.damped
 
 
@@ -188,7 +188,7 @@ def test_a_resting_remote_is_not_lost(by_remote, robot, rest):
     robot.state.remote = rest
     by_remote.run(25)
     assert by_remote.daemon.mode is Mode.WALKING
-    assert not any("remote" in told for told in by_remote.daemon.report()["warnings"])
+    assert not any("remote" in told for told in by_remote.daemon.report().warnings)
 
 
 def test_stopping_sits_down_and_finishes(by_flags, robot):
@@ -269,8 +269,8 @@ def test_a_program_that_falls_silent_leaves_a_standing_robot(bundle, brisk, robo
     lockstep.run(0.6)
     assert lockstep.daemon.mode is Mode.STANDING
     report = lockstep.daemon.report()
-    assert report["fault"] is None
-    assert any("no message" in warning for warning in report["warnings"])
+    assert report.fault is None
+    assert any("no message" in warning for warning in report.warnings)
     operator.close()
 
 

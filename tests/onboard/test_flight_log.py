@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
+from msgspec.structs import asdict
 
 from rmll_common.errors import InputError
 from rmll_onboard.recording import mcap_reader
@@ -108,7 +109,7 @@ def test_what_was_kept_comes_back(about, tmp_path, entries):
 def test_the_inside_comes_back_as_rows(log, about):
     _, rows = read(log)
     assert len(rows) == 25
-    assert rows[1] == {
+    assert asdict(rows[1]) == {
         "t_ns": 20_000_000, "mode": "walking", "fault": "", "label": 6, "down_FR": 0, "down_FL": 1,
         "down_RR": 1, "down_RL": 0, "state": "q1", "phi": 3, "advanced": 1, "off_spec": 0,
         "vx": 0.5, "wz": 0.0, "frequency": 8.0, **dict.fromkeys(about.columns, 0.0),
@@ -321,7 +322,7 @@ def test_rows_that_lack_what_is_wanted_are_refused(log):
         beauty: float
 
     with pytest.raises(InputError, match=r"/inside of tick 0 .* missing required field `beauty`"):
-        list(FlightLog(log).rows(Wanted))
+        list(FlightLog(log).rows_of(Wanted))
 
 
 def read_or_refuse(path: Path, data: bytes) -> None:
@@ -384,6 +385,21 @@ def test_settings_and_table_are_checked_where_they_are_used(about, tmp_path):
         log.about.daemon_settings()
     with pytest.raises(InputError, match="gait table"):
         log.about.machine_table()
+
+
+def test_a_section_of_settings_that_is_none_is_refused(about):
+    odd = msgspec.structs.replace(about, settings=about.settings | {"can": None})
+    with pytest.raises(InputError, match="settings of another version"):
+        odd.daemon_settings()
+
+
+def test_columns_with_impossible_names_are_refused(about, tmp_path):
+    path = tmp_path / "log.mcap"
+    path.write_bytes(
+        with_messages(msgspec.structs.replace(about, columns=["mode"]), {INSIDE: b"{}"})
+    )
+    with pytest.raises(InputError, match=r"log.mcap: the names of its columns .* 'mode'"):
+        list(FlightLog(path).rows())
 
 
 @pytest.mark.fuzz

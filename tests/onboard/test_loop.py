@@ -82,16 +82,16 @@ def test_between_state_and_command_there_is_nothing_else(bundle, brisk, daemon, 
     assert len(ticks) > 30
     assert ticks == "rsk" * (len(ticks) // 3)
     report = loop.report()
-    assert daemon.report()["policy_steps"] > 0
+    assert daemon.report().policy_steps > 0
     assert (warmer is None) == (pace.cache_warmup_us == 0)
-    assert warmer is None or warmer.report()["policy_steps"] > 0
+    assert warmer is None or warmer.report().policy_steps > 0
     # each look at the clock takes 10 us of virtual time
-    assert (report["tick_us"]["p50"], report["tick_us"]["max"]) == (10, 10)
-    assert 0 <= report["wake_us"]["max"] <= 30
-    kept = report["timekeeping"]
-    assert kept["missed"] == 0
-    assert daemon.period / 1000 - 50 < kept["slack_us"]["min"] < daemon.period / 1000
-    assert len(kept["memory_mb"]) >= 2
+    assert (report.tick_us.p50, report.tick_us.max) == (10, 10)
+    assert 0 <= report.wake_us.max <= 30
+    kept = report.timekeeping
+    assert kept.missed == 0
+    assert daemon.period / 1000 - 50 < kept.slack_us.min < daemon.period / 1000
+    assert len(kept.memory_mb) >= 2
     assert robot.damped
 
 
@@ -108,7 +108,7 @@ def test_after_a_stall_it_goes_on_with_the_next_deadline(daemon, robot, clock):
     steps = [round((b - a) / daemon.period, 1) for a, b in pairwise(moments)]
     # late at once, then the grid again, and nothing is hurried to catch up
     assert steps[28:32] == [1.0, 5.3, 0.7, 1.0]
-    assert loop.report()["timekeeping"]["missed"] == 4
+    assert loop.report().timekeeping.missed == 4
 
 
 def send_signals(*numbers):
@@ -142,7 +142,7 @@ def test_a_second_signal_damps_at_once(bundle, brisk, robot, clock):
     loop = Loop(daemon, InProcess(robot, []), Realtime(), keep, clock=clock)
     loop.run(5.0)
     assert (loop.stopped_by, daemon.mode) == (signal.SIGINT, Mode.WALKING)
-    assert loop.report()["packets"]["sent"] == 202 + 100
+    assert loop.report().packets.sent == 202 + 100
     assert robot.damped
 
 
@@ -211,7 +211,7 @@ def test_a_warm_up_goes_through_policy_ticks_and_changes_no_command(bundle, bris
     assert walks[0] == walks[1]
     assert warmer.fault is None
     # all but the first one of the walk, and those of its way out
-    assert warmer.report()["policy_steps"] >= daemon.report()["policy_steps"] - 1 > 90
+    assert warmer.report().policy_steps >= daemon.report().policy_steps - 1 > 90
 
 
 def test_a_cache_warmer_of_a_gait_that_only_walks_forwards(bundle, brisk):

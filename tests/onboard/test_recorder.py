@@ -68,8 +68,9 @@ def test_all_ticks_arrive(about, tmp_path):
         for one in sent:
             recorder.keep(one)
     report = recorder.report()
-    assert report == {"file": str(path), "dropped": 0, "ticks": 300, "trouble": None,
-                      "megabytes": pytest.approx(path.stat().st_size / 1e6, abs=1e-3)}  # fmt: skip
+    assert (report.file, report.dropped, report.ticks) == (str(path), 0, 300)
+    assert report.megabytes == pytest.approx(path.stat().st_size / 1e6, abs=1e-3)
+    assert report.trouble is None
     log = FlightLog(path)
     assert list(log.ticks()) == sent
     assert log.complete
@@ -100,8 +101,8 @@ def test_a_full_disk_is_told_and_costs_only_the_recording(about, tmp_path, capfd
             return recorder.dropped
 
         wait_for(keep_until_it_has_ended, "the process still takes ticks")
-    assert recorder.report()["trouble"] == f"{path}: File too large"
-    assert recorder.report()["dropped"] > 0
+    assert recorder.report().trouble == f"{path}: File too large"
+    assert recorder.report().dropped > 0
     assert capfd.readouterr().err == f"rmll-onboard: no recording: {path}: File too large\n"
 
 
@@ -115,7 +116,7 @@ def test_a_file_that_cannot_be_made_is_told(about, tmp_path, capfd, name, troubl
     with closing(Recorder(path, about, 1000)) as recorder:
         for number in range(10):
             recorder.keep(tick(number))
-    assert recorder.report()["trouble"] == f"{path}: {trouble}"
+    assert recorder.report().trouble == f"{path}: {trouble}"
     assert capfd.readouterr().err == f"rmll-onboard: no recording: {path}: {trouble}\n"
     assert (tmp_path / "there.mcap").read_text() == "precious"
 
@@ -133,7 +134,7 @@ def test_a_killed_process_leaves_what_it_flushed(about, tmp_path):
             number += 1
             time.sleep(0.001)
     assert ticks_in(path) == list(range(100))
-    assert recorder.report()["trouble"] == "the recording process died"
+    assert recorder.report().trouble == "the recording process died"
 
 
 def test_a_process_that_stands_still_holds_up_nobody(about, tmp_path, monkeypatch):
@@ -153,7 +154,7 @@ def test_a_process_that_stands_still_holds_up_nobody(about, tmp_path, monkeypatc
             os.kill(recorder._process.pid, signal.SIGCONT)
     assert number > 1000
     assert ticks_in(path) == list(range(number - recorder.dropped))
-    assert recorder.report()["trouble"] is None
+    assert recorder.report().trouble is None
 
 
 def test_a_process_that_never_ends_is_given_up(about, tmp_path, monkeypatch):
@@ -164,7 +165,7 @@ def test_a_process_that_never_ends_is_given_up(about, tmp_path, monkeypatch):
         recorder.keep(tick(number))
     recorder.close()
     assert recorder._process.returncode == -signal.SIGKILL
-    assert recorder.report()["trouble"] == "the recording process died"
+    assert recorder.report().trouble == "the recording process died"
 
 
 def test_the_disk_is_bounded_and_the_newest_is_kept(about, tmp_path):
@@ -174,7 +175,7 @@ def test_the_disk_is_bounded_and_the_newest_is_kept(about, tmp_path):
             recorder.keep(tick(number, size=40_000))
     before = tmp_path / "walk.before.mcap"
     assert sorted(tmp_path.iterdir()) == [before, path]
-    assert recorder.report()["dropped"] == 0
+    assert recorder.report().dropped == 0
     assert before.stat().st_size + path.stat().st_size < 8e6  # a page ends with a whole chunk
     numbers = ticks_in(before) + ticks_in(path)
     assert numbers == list(range(numbers[0], 300))
@@ -187,7 +188,7 @@ def test_an_older_page_is_not_overwritten(about, tmp_path):
     (tmp_path / "walk.before.mcap").write_text("precious")
     with closing(Recorder(tmp_path / "walk.mcap", about, 8.0)) as recorder:
         pass
-    assert "walk.before.mcap: File exists" in recorder.report()["trouble"]
+    assert "walk.before.mcap: File exists" in recorder.report().trouble
 
 
 def test_signals_for_the_daemon_do_not_end_the_recording(about, tmp_path):
@@ -199,7 +200,7 @@ def test_signals_for_the_daemon_do_not_end_the_recording(about, tmp_path):
             os.kill(recorder._process.pid, number)
         recorder.keep(tick(1))
     assert ticks_in(path) == [0, 1]
-    assert recorder.report()["trouble"] is None
+    assert recorder.report().trouble is None
 
 
 def test_a_killed_daemon_loses_nothing_that_it_handed_over(bundle_path, tmp_path):
@@ -248,8 +249,8 @@ def test_what_was_not_foreseen_is_one_line_too(tmp_path):
     os.close(writing)
     told = record(reading, tmp_path / "walk.mcap", 1e9)
     os.close(reading)
-    assert told["ticks"] == 0
-    assert told["trouble"].startswith(f"{tmp_path / 'walk.mcap'}: ValidationError(")
+    assert told.ticks == 0
+    assert told.trouble.startswith(f"{tmp_path / 'walk.mcap'}: ValidationError(")
 
 
 def test_without_the_library_it_says_what_to_install(about, tmp_path, monkeypatch):

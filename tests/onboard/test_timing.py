@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rmll_onboard.runtime.timing import Durations, Timing, memory_mb, table
+from rmll_onboard.state.reports import UpperPercentiles
 
 US, MINUTE = 1000, 60_000_000_000
 
@@ -28,20 +29,20 @@ def test_percentiles_are_those_of_all_durations(durations):
         *((highest, name, share) for name, share in (("p50", 50), ("p99", 99), ("p999", 99.9))),
         *((lowest, name, share) for name, share in (("p01", 1), ("p001", 0.1))),
     ):
-        assert figures[name] == np.percentile(microseconds, share, method="inverted_cdf")
-    assert highest["max"] == pytest.approx(max(durations) / US, abs=0.1)
-    assert lowest["min"] == pytest.approx(min(durations) / US, abs=0.1)
+        assert getattr(figures, name) == np.percentile(microseconds, share, method="inverted_cdf")
+    assert highest.max == pytest.approx(max(durations) / US, abs=0.1)
+    assert lowest.min == pytest.approx(min(durations) / US, abs=0.1)
 
 
 def test_a_stall_is_told_by_the_maximum():
     counter = counted([100 * US] * 99 + [3_000_000 * US])
-    assert counter.highest() == {"p50": 100, "p99": 100, "p999": 65535, "max": 3_000_000}
+    assert counter.highest() == UpperPercentiles(100, 100, 65535, 3_000_000)
 
 
 def test_nothing_counted_is_none():
     timing = Timing()
     report = timing.report()
-    assert (report["tick_us"], report["wake_us"], report["timekeeping"]["slack_us"]) == (
+    assert (report.tick_us, report.wake_us, report.timekeeping.slack_us) == (
         None,
         None,
         None,
@@ -72,7 +73,7 @@ def test_memory_is_looked_at_once_a_minute():
     timing = Timing()
     for second in range(181):
         timing.look_at_memory(5 * MINUTE + second * MINUTE // 60)
-    memory = timing.report()["timekeeping"]["memory_mb"]
+    memory = timing.report().timekeeping.memory_mb
     assert len(memory) == 5  # at the start, after one, two and three minutes, and now
     # pages of its own: malloc would give some that are free and resident since an earlier test
     with mmap.mmap(-1, 30 << 20) as ballast:

@@ -9,16 +9,18 @@ import os
 import pickle
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired, TypedDict, cast
 
 import torch
 from safetensors.torch import save
 
 from rmll_common.errors import InputError
 from rmll_contract.contract import KEY, Labels, Trace, describe, encode, seal
-from rmll_train.env.environment import GaitEnv
+from rmll_train.env.environment import EnvironmentState, GaitEnv
 from rmll_train.learning.actor_critic import EstimatingActor
+from rmll_train.learning.gait_ppo import LearnerState
 from rmll_train.learning.network_symmetry import NetworkSymmetry
+from rmll_train.provenance import Provenance
 
 CHECKPOINT = "checkpoint.pt"
 POLICY = "policy.safetensors"
@@ -29,14 +31,29 @@ PROBE_SPREAD = 0.5
 
 _KINDS = {"learner": dict, "environment": dict, "random": torch.Tensor, "steps": int,
           "seconds": float, "provenance": dict}  # fmt: skip
-"""What is in a checkpoint, and of which type"""
+"""What is checked of a checkpoint; the rest shows when it is restored"""
 
 
-def save_checkpoint(run: Path, state: dict[str, Any]) -> None:
+class CheckpointState(TypedDict):
+    """Everything a resumed run needs."""
+
+    learner: LearnerState
+    environment: EnvironmentState
+    rules: NotRequired[str]
+    """Digest of the gait's; older checkpoints do not tell them"""
+    random: torch.Tensor
+    """torch's own state of it"""
+    steps: int
+    seconds: float
+    """of training, all sessions of the run together"""
+    provenance: Provenance
+
+
+def save_checkpoint(run: Path, state: CheckpointState) -> None:
     _replace(run / CHECKPOINT, lambda path: torch.save(state, path))
 
 
-def load_checkpoint(run: Path) -> dict[str, Any]:
+def load_checkpoint(run: Path) -> CheckpointState:
     """Raises InputError with one line when the file is missing or no checkpoint."""
     path = run / CHECKPOINT
     if not path.is_file():
@@ -50,11 +67,11 @@ def load_checkpoint(run: Path) -> dict[str, Any]:
         isinstance(saved.get(name), kind) for name, kind in _KINDS.items()
     ):
         raise InputError(f"{path}: not a checkpoint of rmll-train")
-    return saved
+    return cast(CheckpointState, saved)
 
 
 def save_policy(
-    run: Path, actor: EstimatingActor, env: GaitEnv, trace: Trace, provenance: dict[str, Any]
+    run: Path, actor: EstimatingActor, env: GaitEnv, trace: Trace, provenance: Provenance
 ) -> None:
     """Write ``policy.safetensors``: layers ``policy.i.weight``/``bias`` and ``estimator.i.*``, and
     ``fold.*`` if the policy is folded."""

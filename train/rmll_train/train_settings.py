@@ -6,9 +6,10 @@ The defaults are what ``rmll-train`` uses; ``paper()`` gives the values of the p
 authors' code, with our departures turned off.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal, TypedDict
 
 import msgspec
 
@@ -325,6 +326,15 @@ def paper(settings: TrainSettings) -> TrainSettings:
     return replace(settings, world=world, learner=learner)
 
 
+class PlainSettings(TypedDict):
+    """TrainSettings as YAML and JSON have them."""
+
+    gait: str
+    seed: int
+    world: dict[str, object]
+    learner: dict[str, object]
+
+
 def to_yaml(settings: TrainSettings) -> str:
     return typed_yaml.dump(msgspec.to_builtins(settings))
 
@@ -334,6 +344,6 @@ def load(path: Path, base: TrainSettings) -> TrainSettings:
     return typed_yaml.load(path, base)
 
 
-def overlaid(base: TrainSettings, overlay: dict[str, Any], source: str) -> TrainSettings:
+def overlaid(base: TrainSettings, overlay: Mapping[str, object], source: str) -> TrainSettings:
     """``base`` with what ``overlay`` names changed. ``source`` is told in InputErrors."""
-    return typed_yaml.parse(typed_yaml.dump(overlay), source, base)
+    return typed_yaml.parse(typed_yaml.dump(dict(overlay)), source, base)

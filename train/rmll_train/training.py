@@ -6,7 +6,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import torch
 import yaml
@@ -20,15 +19,20 @@ from rmll_gaits.spec import read_spec
 from rmll_gaits.table import Commands, MachineTable
 from rmll_robots import A1
 from rmll_train import train_settings as settings_file
-from rmll_train.checkpoint import load_checkpoint, save_checkpoint, save_policy
+from rmll_train.checkpoint import (
+    CheckpointState,
+    load_checkpoint,
+    save_checkpoint,
+    save_policy,
+)
 from rmll_train.env.environment import GaitEnv
 from rmll_train.golden_trace import golden_trace
 from rmll_train.learning import precision
 from rmll_train.learning.actor_critic import EstimatingActor
 from rmll_train.learning.gait_ppo import GaitPPO
 from rmll_train.learning.precision import Precision
-from rmll_train.periodic_evaluation import WHERE, Judge, Judgement
-from rmll_train.provenance import origin, stages
+from rmll_train.periodic_evaluation import WHERE, Judge
+from rmll_train.provenance import Provenance, Stage, origin, stages
 from rmll_train.train_settings import TrainSettings
 
 SETTINGS = "settings.yaml"
@@ -133,7 +137,7 @@ def _copy(folder: Path) -> Path:
     return copy
 
 
-def _check_unchanged(begun: MachineTable, gait: str, folder: Path, saved: dict[str, Any]) -> None:
+def _check_unchanged(begun: MachineTable, gait: str, folder: Path, saved: CheckpointState) -> None:
     """Raises InputError unless ``begun``, the run's copy, is the gait of its checkpoint, and
     ``gait``, the file it was copied from, says the same or is gone."""
     copy = folder / GAIT
@@ -166,7 +170,7 @@ class Run:
         self._settings = settings = replace(settings, learner=learner)
         torch.manual_seed(settings.seed)
         self._origin = origin(settings, gait)
-        self._stages: list[dict[str, Any]] = []
+        self._stages: list[Stage] = []
         """Earlier ones of a run that goes on with other code or settings"""
         self._env = GaitEnv(gait, A1, settings.world, settings.seed)
         self._learner = GaitPPO(self._env, settings.learner)
@@ -204,7 +208,7 @@ class Run:
 
     def save(self, folder: Path) -> None:
         """Write both checkpoint files."""
-        state = {
+        state: CheckpointState = {
             "learner": self._learner.state(),
             "environment": self._env.state_dict(),
             "rules": self._env.table.rules,
@@ -216,7 +220,7 @@ class Run:
         save_checkpoint(folder, state)
         self._save_policy(folder, state["provenance"])
 
-    def restore(self, saved: dict[str, Any]) -> None:
+    def restore(self, saved: CheckpointState) -> None:
         """Go on from what :meth:`save` wrote."""
         self._stages = stages(saved["provenance"], self._origin)
         self._learner.restore(saved["learner"])
@@ -233,34 +237,31 @@ class Run:
         """Judge the policy and write the result."""
         judge = self.judge()
         judgement = judge(self.policy, lambda done: report(Judging(done, judge.steps)))
-        result = self._provenance() | _told(judgement)
+        result: Provenance = {
+            **self._provenance(),
+            "metrics": judgement.metrics,
+            "measured": WHERE,
+            "useful": judgement.useful,
+            "shortfalls": judgement.shortfalls,
+            "limits": judgement.limits,
+        }
         self._save_policy(folder, result)
         (folder / RESULT).write_text(yaml.safe_dump(result, sort_keys=False))
 
-    def _save_policy(self, folder: Path, provenance: dict[str, Any]) -> None:
+    def _save_policy(self, folder: Path, provenance: Provenance) -> None:
         env, policy = self._env, self._learner.policy
         trace = golden_trace(policy, env.table, env.robot, self._settings.world)
         save_policy(folder, policy, env, trace, provenance)
 
-    def _provenance(self) -> dict[str, Any]:
-        return self._origin | {
+    def _provenance(self) -> Provenance:
+        return {
+            **self._origin,
             "steps": self.steps,
             "minutes": round(self.seconds / 60, 2),
             "failed_simulations": self._env.failures,
             "skipped_steps": self._learner.skipped_steps,
             "stages": self._stages,
         }
-
-
-def _told(judgement: Judgement) -> dict[str, Any]:
-    """Its part of a finished run's result, and of the policy's provenance."""
-    return {
-        "metrics": judgement.metrics,
-        "measured": WHERE,
-        "useful": judgement.useful,
-        "shortfalls": judgement.shortfalls,
-        "limits": judgement.limits,
-    }
 
 
 class _Interrupt:

@@ -1,6 +1,7 @@
 """The command ``rmll-gait``: check gaits before training, and show what they look like."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -162,5 +163,5 @@ def _print_report(findings: dict[str, list[Finding]], plans: dict[str, Schedule]
     console().print(rows)
 
 
-def _print_json(data: dict[str, Any]) -> None:
+def _print_json(data: Mapping[str, object]) -> None:
     print(json.dumps(data))

@@ -3,7 +3,6 @@
 The robot has this process to itself: who watches it has no thread that could keep it from time.
 """
 
-import json
 import socket
 import subprocess
 import sys
@@ -17,6 +16,7 @@ from rmll_hil.faults.empty_loop import EmptyLoop
 from rmll_hil.faults.fault_rows import FaultRow, Reaction
 from rmll_hil.faults.fault_trial import MOTION, VX, FaultTrial, words
 from rmll_hil.robot.serve import listen, serve
+from rmll_hil.runs.realtime_run import read_report
 
 PATIENCE = 60.0
 """[s] for a daemon to start, walk and end"""
@@ -74,8 +74,9 @@ def run(row: FaultRow, trial: FaultTrial, policy: Path) -> tuple[Reaction, int |
         finally:
             daemon.kill()
         text, complaint = daemon.communicate()
-    # one that was killed, or that did not start, leaves no report
-    told = words(json.loads(text)) if text.strip() else complaint.strip()
+    told = complaint.strip()  # of one that was killed, or that did not start: it leaves no report
+    if text.strip():
+        told = words(read_report(text))
     reaction, after_ms = trial.found or trial.reaction()
     return judged(row, (reaction, after_ms, told), beside.late_ms, watch.late_ms)
 

@@ -5,7 +5,6 @@ Whether time is real or virtual is none of its business: it counts the robot's m
 
 import signal
 from collections.abc import Iterator
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -14,6 +13,7 @@ from rmll_hil.faults.fault_rows import BEGIN, FaultRow, Reaction
 from rmll_hil.robot.a1_board_packets import A1BoardPackets
 from rmll_hil.robot.emulator import Emulator, EmulatorSettings
 from rmll_hil.robot.fault_plan import Plan, parse_plan
+from rmll_onboard.state.reports import DaemonReport
 from rmll_robots import Robot
 
 MOTION = {"crouch": 0.3, "rise": 0.6, "settle": 0.2, "slow_down": 0.3, "sit": 0.3}
@@ -42,7 +42,7 @@ class FaultTrial(Emulator):
         fault; None while there is more to be seen"""
         self._told: list[tuple[int, Reaction]] = []
         """Robot's time [ms] and what it was told, whenever that changed"""
-        self._plan: Plan = parse_plan([dict(entry) for entry in row.plan], robot)
+        self._plan: Plan = parse_plan(row.plan, robot)
         self._signals = [(after, signal.Signals[name]) for after, name in row.signals]
         self._provoked = self._terminated = False
         super().__init__(EmulatorSettings(seed=seed), robot=robot, plan=_before(self._plan))
@@ -127,11 +127,11 @@ class FaultTrial(Emulator):
         return (Reaction.DAMPS, at) if last is Reaction.DAMPS else (Reaction.NEVER_WALKED, None)
 
 
-def words(report: dict[str, Any]) -> str:
-    """The fault of a daemon's report, its name first, or the warnings."""
-    if report["fault"]:
-        return f"{report['fault_name']}: {report['fault']}"
-    return "; ".join(report["warnings"])
+def words(report: DaemonReport) -> str:
+    """The fault of a daemon, its name first, or its warnings."""
+    if report.fault:
+        return f"{report.fault_name}: {report.fault}"
+    return "; ".join(report.warnings)
 
 
 def _before(plan: Plan) -> Plan:

@@ -9,8 +9,9 @@ clock (which starts with the first command) and lasts ``seconds``, or to the end
 """
 
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import msgspec
 from msgspec import Meta
@@ -231,9 +232,9 @@ def load_plan(path: Path, robot: Robot) -> Plan:
     return read_plan(yaml_document.read_text(path), str(path), robot)
 
 
-def parse_plan(plain: list[dict[str, Any]], robot: Robot) -> Plan:
+def parse_plan(plain: Sequence[Mapping[str, object]], robot: Robot) -> Plan:
     """The plan that plain lists and dictionaries stand for; raises InputError."""
-    return read_plan(typed_yaml.dump(plain), "plan", robot)
+    return read_plan(typed_yaml.dump([dict(entry) for entry in plain]), "plan", robot)
 
 
 def read_plan(text: str, source: str, robot: Robot) -> Plan:

@@ -9,7 +9,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 from rmll_gaits.table import nearest
 from rmll_hil.robot.emulator import Emulator, EmulatorSettings
@@ -108,20 +107,23 @@ def walk_all(
 def _compare(task: tuple[Case, Path, float]) -> FeetResult:
     case, policy, seconds = task
     bundle = load_bundle(policy)
-    learnt = _walk(case, bundle, seconds, told=False)
-    told = _walk(case, bundle, seconds, told=True)
+    learnt, doubts = _walk(case, bundle, seconds, told=False)
+    told, _ = _walk(case, bundle, seconds, told=True)
     return FeetResult(
         case.name,
         bundle.contract.gait,
-        learnt["adherence"] or 0.0,
-        told["adherence"] or 0.0,
-        learnt["falls"],
-        learnt["fault"],
-        learnt["doubts"],
+        learnt.adherence or 0.0,
+        told.adherence or 0.0,
+        learnt.falls,
+        learnt.fault,
+        doubts,
     )
 
 
-def _walk(case: Case, bundle: Bundle, seconds: float, told: bool) -> dict[str, Any]:
+def _walk(
+    case: Case, bundle: Bundle, seconds: float, told: bool
+) -> tuple[metrics.RunSummary, dict[str, str]]:
+    """The figures, and the feet whose sensor was doubted."""
     emulator = Emulator(EmulatorSettings(seed=1), case.noise, bundle.robot, feet=case.units)
     commands = bundle.table.commands
     operator = FlagOperator(commands, nearest(_SPEED, commands.vx), seconds=seconds)
@@ -133,7 +135,7 @@ def _walk(case: Case, bundle: Bundle, seconds: float, told: bool) -> dict[str, A
 
     outcome = lockstep.walk(emulator, bundle, operator, lambda _: None, prepare=prepare)
     found = metrics.summary(outcome, bundle.contract.gait, bundle.robot)
-    return found | {"doubts": outcome.report["feet"]["doubts"]}
+    return found, outcome.report.feet.doubts
 
 
 def markdown(results: Sequence[FeetResult]) -> str:

@@ -6,17 +6,17 @@ each command is followed by one control period of physics, and that by one state
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 from rmll_hil.robot.emulator import Emulator
 from rmll_hil.runs.outcome import AFTERMATH, Outcome
 from rmll_onboard.commands.operator import Operator
 from rmll_onboard.control.bundle import Bundle
-from rmll_onboard.recording.telemetry import Tick, columns, row
+from rmll_onboard.recording.telemetry import TelemetryRow, Tick, columns, row, row_type
 from rmll_onboard.runtime.daemon import Daemon
 from rmll_onboard.runtime.tick_listener import TickListener
 from rmll_onboard.settings.runtime_settings import RuntimeSettings
 from rmll_onboard.state.modes import NS
+from rmll_onboard.state.reports import LoopReport, PacketReport, RunReport
 
 
 def walk(
@@ -33,12 +33,12 @@ def walk(
     ``progress`` hears the robot's time [s] at 50 Hz, ``record`` sees every tick; ``settings`` are
     the daemon's, which ``prepare`` may change before its first tick.
     """
-    rows: list[dict[str, Any]] = []
-    names = columns(bundle.contract)
+    rows: list[TelemetryRow] = []
+    kind = row_type(columns(bundle.contract))
 
     def keep(tick: Tick) -> None:
         if tick.inside is not None:
-            rows.append(row(tick.now, tick.inside, bundle.table.states, names))
+            rows.append(row(tick.now, tick.inside, bundle.table.states, kind))
         if record is not None:
             record(tick)
 
@@ -60,19 +60,28 @@ def walk(
     if daemon.fault:
         emulator.advance(int(AFTERMATH * 1000), emulator.now_ms * 1_000_000)
     wall = time.perf_counter() - began
-    packets = {
-        "sent": emulator.to_robot.sent,
-        "received": daemon.interface.received,
-        "rejected": daemon.interface.rejected,
-        "lost": daemon.interface.lost,
-    }
-    # not measured: there is no real time here
-    timings = dict.fromkeys(("tick_us", "wake_us", "rss_mb", "timekeeping"))
     return Outcome(
-        report=daemon.report() | timings | {"packets": packets},
+        report=RunReport.of(daemon.report(), _loop_report(emulator, daemon), record=None),
         log=rows,
         truth=emulator.truth(),
         realtime_factor=emulator.now_ms / 1000 / wall,
+    )
+
+
+def _loop_report(emulator: Emulator, daemon: Daemon) -> LoopReport:
+    """Without times: there is no real time here."""
+    interface = daemon.interface
+    return LoopReport(
+        tick_us=None,
+        wake_us=None,
+        rss_mb=None,
+        timekeeping=None,
+        packets=PacketReport(
+            sent=emulator.to_robot.sent,
+            received=interface.received,
+            rejected=interface.rejected,
+            lost=interface.lost,
+        ),
     )
 
 

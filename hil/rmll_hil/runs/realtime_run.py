@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
 
 from rmll_common.errors import Failure, InputError
@@ -20,6 +20,7 @@ from rmll_hil.runs.outcome import AFTERMATH, Outcome
 from rmll_onboard.recording.flight_log import FlightLog
 from rmll_onboard.settings.runtime_settings import RuntimeSettings as DaemonSettings
 from rmll_onboard.settings.runtime_settings import as_yaml
+from rmll_onboard.state.reports import RunReport
 
 PATIENCE = 8.0
 """[s] for a process to end by itself; sitting down takes about three"""
@@ -63,28 +64,37 @@ def walk(
                     progress(time.monotonic() - began)
                     time.sleep(0.1)
                 report = _report(process)
-            if report["fault"]:
+            if report.fault:
                 time.sleep(AFTERMATH)
             _end(emulator)
         with np.load(truth_path) as saved:
             truth, counters = saved["truth"], json.loads(str(saved["counters"]))
-    if trouble := report["record"]["trouble"]:
+    if report.record and (trouble := report.record.trouble):
         raise Failure(f"the flight recorder: {trouble}")
     return Outcome(report, list(FlightLog(record).rows()), truth, counters["realtime_factor"])
 
 
-def too_busy(report: dict[str, Any]) -> str | None:
+def too_busy(report: RunReport) -> str | None:
     """Why the machine and not the robot may be to blame for how a run ended; None if it kept time.
 
     ``report`` is the daemon's. An emulator that nobody breaks on purpose always answers in time.
     """
-    missed, lost = report["timekeeping"]["missed"], report["packets"]["lost"]
+    missed = report.timekeeping.missed if report.timekeeping else 0
+    lost = report.packets.lost
     if missed + lost < LATE_TICKS:
         return None
     return (
-        f"the machine is too busy: of {report['packets']['sent']} ticks {missed} were missed and "
+        f"the machine is too busy: of {report.packets.sent} ticks {missed} were missed and "
         f"{lost} had no new state; close other programs, or use --lockstep, which has no hurry"
     )
+
+
+def read_report(text: str) -> RunReport:
+    """The JSON that ``rmll-onboard --json`` printed, checked; raises Failure."""
+    try:
+        return msgspec.json.decode(text, type=RunReport)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise Failure(f"the daemon's report cannot be read: {error}") from error
 
 
 def _serve(settings: EmulatorSettings, truth: Path, faults: Path | None) -> list[str]:
@@ -160,11 +170,11 @@ def _address(emulator: subprocess.Popen[str]) -> str:
     return line.split()[-1]
 
 
-def _report(daemon: subprocess.Popen[str]) -> dict:
-    """The JSON object of a daemon that has ended; a fault of the robot is part of it."""
+def _report(daemon: subprocess.Popen[str]) -> RunReport:
+    """What a daemon that has ended printed; a fault of the robot is part of it."""
     text, complaint = daemon.communicate()
     if text.strip():
-        return json.loads(text)
+        return read_report(text)
     raise (InputError if daemon.returncode == 2 else Failure)(_reason(complaint))
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import msgspec
 from msgspec.structs import replace
 from rich.progress import TimeRemainingColumn
 
@@ -82,21 +83,21 @@ def run(
     title = f"{bundle.contract.gait}, {operator.vx:g} m/s, {operator.wz:g} rad/s, c_f {pace}"
     if len(operator.frequencies) > 1:
         found = sweep.phases(outcome, bundle.table, operator.frequencies, seconds)
-        summary["phases"] = found
+        summary = replace(summary, phases=found)
         if found:
             sweep.draw(folder / "frequency.png", outcome, found, title)
     run_folder.write(folder, outcome, summary, bundle.table, title)
+    entries = msgspec.to_builtins(summary)
     if print_json:
-        print(json.dumps(summary))
+        print(json.dumps(entries))
     else:
-        known = {name: value for name, value in summary.items() if value not in (None, [])}
-        print(report_text(known))
+        print(report_text({n: value for n, value in entries.items() if value not in (None, ())}))
     print(f"{folder}: {outcome.realtime_factor:.2f} x real time", file=sys.stderr)
-    fault = outcome.report["fault"]
+    fault = outcome.report.fault
     trouble = fault and f"the robot went into damping: {fault}"
-    if summary["stuck"] and not fault:
-        trouble = f"the robot stopped walking by itself: {'; '.join(outcome.report['warnings'])}"
-    if not in_lockstep and not plan and (trouble or summary["falls"]):
+    if summary.stuck and not fault:
+        trouble = f"the robot stopped walking by itself: {'; '.join(outcome.report.warnings)}"
+    if not in_lockstep and not plan and (trouble or summary.falls):
         busy = realtime_run.too_busy(outcome.report)
         trouble = f"{busy} ({trouble or 'the robot fell'})" if busy else trouble
     if trouble:

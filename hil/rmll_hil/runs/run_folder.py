@@ -5,14 +5,17 @@ import json
 import time
 from itertools import count
 from pathlib import Path
-from typing import Any
+
+import msgspec
 
 from rmll_common.errors import InputError
 from rmll_gaits.label import FEET
 from rmll_gaits.table import MachineTable
 from rmll_hil.runs import outcome as outcomes
-from rmll_hil.runs.metrics import SETTLING_NS
+from rmll_hil.runs.metrics import SETTLING_NS, RunSummary
 from rmll_hil.runs.outcome import Outcome
+from rmll_onboard.recording.telemetry import TelemetryRow
+from rmll_onboard.state.modes import Mode
 
 RUNS = Path("hil-runs")
 SHOWN_NS = 4_000_000_000
@@ -37,12 +40,12 @@ def folder(wanted: Path | None, gait: str) -> Path:
 
 
 def write(
-    path: Path, outcome: Outcome, summary: dict[str, Any], table: MachineTable, title: str
+    path: Path, outcome: Outcome, summary: RunSummary, table: MachineTable, title: str
 ) -> None:
     """Fill the folder; the picture is left out if the robot did not walk long enough."""
-    (path / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    (path / "summary.json").write_text(json.dumps(msgspec.to_builtins(summary), indent=2) + "\n")
     _write_csv(path / "run.csv", outcome)
-    start = outcome.report["walking_start_ns"]
+    start = outcome.report.walking_start_ns or 0
     steady = [row for row in outcome.log if _is_shown(row, start)]
     if steady:
         # matplotlib takes half a second to load, which an emulator's own process need not spend
@@ -60,9 +63,9 @@ def write(
         )
 
 
-def _is_shown(row: dict[str, Any], start: int) -> bool:
+def _is_shown(row: TelemetryRow, start: int) -> bool:
     """The first seconds of steady walking."""
-    return row["mode"] == "walking" and 0 <= row["t_ns"] - start - SETTLING_NS < SHOWN_NS
+    return row.mode == Mode.WALKING and 0 <= row.t_ns - start - SETTLING_NS < SHOWN_NS
 
 
 def _write_csv(path: Path, outcome: Outcome) -> None:
@@ -73,10 +76,10 @@ def _write_csv(path: Path, outcome: Outcome) -> None:
     truth = outcome.truth[outcomes.at(outcome.truth["time_ns"], stamps)]
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(["t", *outcome.log[0], *TRUTH_COLUMNS])
+        writer.writerow(["t", *outcome.log[0].__struct_fields__, *TRUTH_COLUMNS])
         for stamp, row, sample in zip(stamps, outcome.log, truth, strict=True):
             _, position, velocity, yaw_rate, energy, contact, grounded = sample.tolist()
             motion = [f"{value:.6g}" for value in (*position, *velocity, yaw_rate, energy)]
             flags = [int(flag) for flag in (*contact, grounded)]
             seconds = f"{(stamp - stamps[0]) / 1e9:.4f}"
-            writer.writerow([seconds, *row.values(), *motion, *flags])
+            writer.writerow([seconds, *msgspec.structs.astuple(row), *motion, *flags])

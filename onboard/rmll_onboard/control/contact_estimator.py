@@ -7,7 +7,6 @@ touches down is in the torques, but not in the sensor.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from rmll_onboard.control.foot_calibration import FootCalibration
 from rmll_onboard.control.leg_force import LegForce
 from rmll_onboard.settings.runtime_settings import Feet
 from rmll_onboard.state.modes import Mode
+from rmll_onboard.state.reports import FeetReport
 from rmll_onboard.state.robot_state import RobotState
 from rmll_robots import Robot
 
@@ -122,15 +122,15 @@ class ContactEstimator:
         ]
         return ", ".join(feet) or "no foot"
 
-    def report(self) -> dict[str, Any]:
+    def report(self) -> FeetReport:
         """Per foot: what contact came from at the end, and what was learnt of the sensor."""
         trusted = [sensor.trusted for sensor in self.sensors] or [False] * len(FEET)
-        return {
-            "contact_by": ["sensor" if by_sensor else "torque" for by_sensor in trusted],
-            "gain": [round(s.gain, 3) if s.trusted else None for s in self.sensors],
-            "bias": [round(s.bias, 1) if s.trusted else None for s in self.sensors],
-            "doubts": self.doubts,
-        }
+        return FeetReport(
+            contact_by=tuple("sensor" if by_sensor else "torque" for by_sensor in trusted),
+            gain=tuple(round(s.gain, 3) if s.trusted else None for s in self.sensors),
+            bias=tuple(round(s.bias, 1) if s.trusted else None for s in self.sensors),
+            doubts=self.doubts,
+        )
 
     def _read(self, foot: int) -> str:
         force = f"{max(0.0, self._force[foot]):.0f} N by the leg's torques"

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, TypeVar
+from typing import IO, TYPE_CHECKING, TypeVar
 
 import msgspec
 
@@ -21,13 +21,13 @@ from rmll_onboard.recording.mcap_writer import (
     STATE,
     OperatorRecord,
 )
-from rmll_onboard.recording.telemetry import Tick
+from rmll_onboard.recording.telemetry import TelemetryRow, Tick, row_type
 from rmll_onboard.state.modes import NS, Request
 
 if TYPE_CHECKING:  # the base install has no logs
     from mcap.records import Message
 
-T = TypeVar("T")
+Row = TypeVar("Row", bound=msgspec.Struct)
 SHOWN = 6
 """Gaps that are told one by one"""
 _Orders = tuple[Request | None, tuple[float, float, float], bool, bool]
@@ -142,9 +142,17 @@ class FlightLog:
                 yield Tick(number, message.log_time, datagrams, message.data, *orders, None)
                 datagrams, last = [], number
 
-    def rows(self, kind: type[T] = dict[str, Any]) -> Iterator[T]:
-        """The daemon's inside at 50 Hz as ``kind``, a dict or a msgspec.Struct of what is wanted;
-        raises InputError where it is damaged or something wanted is missing."""
+    def rows(self) -> Iterator[TelemetryRow]:
+        """The daemon's inside at 50 Hz, as :func:`rmll_onboard.recording.telemetry.row` has it.
+
+        Raises InputError where it is damaged or a column is missing.
+        """
+        with self._checking("the names of its columns"):
+            kind = row_type(self.about.columns)
+        yield from self.rows_of(kind)
+
+    def rows_of(self, kind: type[Row]) -> Iterator[Row]:
+        """The same as a ``kind`` that has what is wanted and no more."""
         decoder = msgspec.json.Decoder(kind)
         for topic, message in self._messages():
             if message is not None and topic == INSIDE:

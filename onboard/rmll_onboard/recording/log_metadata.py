@@ -5,7 +5,7 @@ import sys
 import time
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 from msgspec import Meta
@@ -33,8 +33,8 @@ class LogMetadata(msgspec.Struct, frozen=True):
     digest: str
     """Of the bundle's contract"""
     control_hz: Annotated[int, Meta(gt=0)]
-    settings: dict[str, Any]
-    table: dict[str, Any]
+    settings: dict[str, object]
+    table: dict[str, object]
     """The gait's automaton"""
     columns: list[str]
     """Names of the numbers in :attr:`rmll_onboard.recording.telemetry.Inside.values`"""
@@ -59,7 +59,7 @@ class LogMetadata(msgspec.Struct, frozen=True):
             raise InputError(f"recorded with settings of another version: {error}") from error
 
 
-def _today(settings: dict[str, Any]) -> dict[str, Any]:
+def _today(settings: dict[str, object]) -> dict[str, object]:
     """The same under the names that they have now."""
     today = dict(settings)
     for section in msgspec.structs.fields(RuntimeSettings):

@@ -23,7 +23,7 @@ import msgspec
 from rmll_common.errors import Failure
 from rmll_gaits.label import FEET
 from rmll_onboard.recording.log_metadata import LogMetadata
-from rmll_onboard.recording.telemetry import Tick, row
+from rmll_onboard.recording.telemetry import Tick, row, row_type
 
 METADATA = "rmll"
 STATE, COMMAND, ORDERS, INSIDE = "/state_datagram", "/command_datagram", "/orders", "/inside"
@@ -32,7 +32,7 @@ NEEDS = "logs: {} is not installed; run: pip install 'rmll[record]'"
 """What to say when a library is missing"""
 
 _TEXT, _INTEGER, _NUMBER = {"type": "string"}, {"type": "integer"}, {"type": ["number", "null"]}
-_INSIDE = {
+SCHEMA = {
     "t_ns": _INTEGER | {"description": "[ns], monotonic"},
     "mode": _TEXT | {"description": "of the supervisor"},
     "fault": _TEXT | {"description": "empty without one"},
@@ -46,6 +46,7 @@ _INSIDE = {
     "wz": _NUMBER | {"description": "[rad/s], as used"},
     "frequency": _NUMBER | {"description": "c_f [policy steps], as used"},
 }
+"""Of a row's fixed columns, in JSON Schema"""
 _ORDERS = {
     "request": _TEXT | {"description": "empty without one"},
     "vx": _NUMBER | {"description": "[m/s]"},
@@ -81,12 +82,13 @@ class McapWriter:
         self._writer.start()
         self._about = about
         self._states = about.machine_table().states
+        self._row_type = row_type(about.columns)
         self._compact = compact
         self._orders: tuple | None = None
         plain = msgspec.to_builtins(about)
         entries = {name: msgspec.json.encode(value).decode() for name, value in plain.items()}
         self._writer.add_metadata(METADATA, entries)
-        numbers = _INSIDE | dict.fromkeys(about.columns, _NUMBER)
+        numbers = SCHEMA | dict.fromkeys(about.columns, _NUMBER)
         # PlotJuggler does not open files with a channel that has no schema
         self._channels = {
             STATE: self._channel(STATE, RAW, "a1.LowState", None),
@@ -107,8 +109,8 @@ class McapWriter:
             )
             self._message(ORDERS, tick, msgspec.json.encode(message))
         if tick.inside is not None and not self._compact:
-            plain = row(tick.now, tick.inside, self._states, self._about.columns)
-            self._message(INSIDE, tick, msgspec.json.encode(plain))
+            inside = row(tick.now, tick.inside, self._states, self._row_type)
+            self._message(INSIDE, tick, msgspec.json.encode(inside))
         self._message(COMMAND, tick, tick.answer)
 
     def flush(self) -> None:

@@ -15,14 +15,15 @@ from collections import deque
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import msgspec
+from msgspec.structs import astuple
 
 from rmll_common.errors import Failure
 from rmll_onboard.recording.log_metadata import LogMetadata
 from rmll_onboard.recording.mcap_writer import NEEDS
 from rmll_onboard.recording.telemetry import Tick
+from rmll_onboard.state.reports import RecordingReport, RecordingResult
 
 LENGTH = struct.Struct("<I")
 """Before every message in the pipe"""
@@ -63,7 +64,7 @@ class Recorder:
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = self._sent_of_first = 0
         self._encoder = msgspec.msgpack.Encoder()
-        self._result: dict[str, Any] = {}
+        self._result = RecordingResult(None, None, "the recording process died")
         reading, self._pipe = os.pipe()
         self._open = True
         with suppress(OSError, AttributeError):  # a smaller pipe does too
@@ -105,12 +106,11 @@ class Recorder:
             self._process.kill()
             told, _ = self._process.communicate()
         with suppress(msgspec.DecodeError):
-            self._result = msgspec.json.decode(told, type=dict[str, Any])
+            self._result = msgspec.json.decode(told, type=RecordingResult)
 
-    def report(self) -> dict[str, Any]:
-        """After :meth:`close`: the file, ticks in it and dropped, MB, and what went wrong."""
-        nothing = {"ticks": None, "megabytes": None, "trouble": "the recording process died"}
-        return {"file": str(self._path), "dropped": self.dropped} | nothing | self._result
+    def report(self) -> RecordingReport:
+        """After :meth:`close`."""
+        return RecordingReport(str(self._path), self.dropped, *astuple(self._result))
 
     def _hand_over(self, message: bytes) -> None:
         if not self._open or self._waiting_bytes > _WAITING_LIMIT:

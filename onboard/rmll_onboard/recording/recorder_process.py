@@ -13,7 +13,6 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -21,6 +20,7 @@ from rmll_onboard.recording.log_metadata import LogMetadata
 from rmll_onboard.recording.mcap_writer import McapWriter
 from rmll_onboard.recording.recorder import LENGTH
 from rmll_onboard.recording.telemetry import Tick
+from rmll_onboard.state.reports import RecordingResult
 
 FLUSH = 1.0
 """[s] that a crash of this process or of the machine may cost"""
@@ -75,7 +75,7 @@ class Recording:
         self._file = McapWriter(self._stream, self._about)
 
 
-def record(pipe: int, path: Path, max_bytes: float) -> dict[str, Any]:
+def record(pipe: int, path: Path, max_bytes: float) -> RecordingResult:
     """Write until the pipe ends or something goes wrong; returns what was written."""
     recording: Recording | None = None
     trouble = None
@@ -97,11 +97,11 @@ def record(pipe: int, path: Path, max_bytes: float) -> dict[str, Any]:
         trouble = f"{error.filename or path}: {error.strerror}"
     except Exception as error:  # whatever it is: one line, and the daemon walks on
         trouble = f"{path}: {error!r}"
-    return {
-        "ticks": recording.ticks if recording else 0,
-        "megabytes": round(recording.bytes / 1e6, 3) if recording else 0.0,
-        "trouble": trouble,
-    }
+    return RecordingResult(
+        ticks=recording.ticks if recording else 0,
+        megabytes=round(recording.bytes / 1e6, 3) if recording else 0.0,
+        trouble=trouble,
+    )
 
 
 def _looks(pipe: int) -> Iterator[list[bytes]]:
@@ -141,11 +141,11 @@ def main() -> int:
     with suppress(OSError, AttributeError):  # whatever the daemon's priority was
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     result = record(0, path, max_mb * 1e6)
-    if result["trouble"]:
+    if result.trouble:
         with suppress(OSError):
-            print(f"rmll-onboard: no recording: {result['trouble']}", file=sys.stderr)
+            print(f"rmll-onboard: no recording: {result.trouble}", file=sys.stderr)
     print(msgspec.json.encode(result).decode(), flush=True)
-    return 1 if result["trouble"] else 0
+    return 1 if result.trouble else 0
 
 
 if __name__ == "__main__":

@@ -4,12 +4,14 @@ A tick is taken from outside, after its command is on its way, and is small enou
 another process. A log holds nothing that is not in one.
 """
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import cast
 
 import msgspec
 import numpy as np
 
+from rmll_common.errors import InputError
 from rmll_contract.contract import Contract
 from rmll_contract.observation import Field
 from rmll_gaits.label import FEET
@@ -67,28 +69,70 @@ def columns(contract: Contract) -> list[str]:
     ]
 
 
+class TelemetryRow(msgspec.Struct, frozen=True):
+    """A ControllerSample as a log has it: named plain values, flags as 0 or 1, so that they can be
+    plotted.
+
+    The numbers of one gait's policy follow, see :func:`row_type`.
+    """
+
+    t_ns: int
+    mode: str
+    fault: str
+    label: int
+    down_FR: int  # as the feet are called, so that each is a column
+    down_FL: int
+    down_RR: int
+    down_RL: int
+    state: str
+    phi: int
+    advanced: int
+    off_spec: int
+    vx: float | None
+    """JSON has a null for what is no number"""
+    wz: float | None
+    frequency: float | None
+
+
+def row_type(columns: Sequence[str]) -> type[TelemetryRow]:
+    """The rows of a log whose numbers are named ``columns``, each a field, a float or None.
+
+    Raises InputError for names that cannot be fields; they may come from a file.
+    """
+    return _row_type(tuple(columns))
+
+
+@lru_cache(maxsize=4)  # rows of two readers can be compared if they are of one type
+def _row_type(columns: tuple[str, ...]) -> type[TelemetryRow]:
+    for name in columns:
+        if not name.isidentifier() or hasattr(TelemetryRow, name):
+            raise InputError(f"{name!r} cannot be the name of a column")
+    if len(set(columns)) < len(columns):
+        raise InputError("two columns have the same name")
+    numbers = [(name, float | None) for name in columns]
+    kind = msgspec.defstruct("LogRow", numbers, bases=(TelemetryRow,), frozen=True)
+    return cast("type[TelemetryRow]", kind)
+
+
 def row(
-    now: int, inside: ControllerSample, states: Sequence[str], columns: Sequence[str]
-) -> dict[str, Any]:
-    """The inside as named plain values; flags are 0 or 1, so that they can be plotted."""
-    vx, wz, frequency = inside.command
-    numbers = np.frombuffer(inside.values, np.float32).tolist()
-    return {
-        "t_ns": now,
-        "mode": inside.mode,
-        "fault": inside.fault,
-        "label": inside.label,
-        **{f"down_{foot}": inside.label >> bit & 1 for bit, foot in enumerate(FEET)},
-        "state": states[inside.state],
-        "phi": inside.phi,
-        "advanced": int(inside.advanced),
-        "off_spec": int(inside.off_spec),
-        "vx": vx,
-        "wz": wz,
-        "frequency": frequency,
-        # nine digits bring a float32 back exactly
-        **{name: float(f"{value:.9g}") for name, value in zip(columns, numbers, strict=True)},
-    }
+    now: int, inside: ControllerSample, states: Sequence[str], kind: Callable[..., TelemetryRow]
+) -> TelemetryRow:
+    """The inside as a ``kind``, which is a :func:`row_type`."""
+    # nine digits bring a float32 back exactly
+    numbers = [float(f"{value:.9g}") for value in np.frombuffer(inside.values, np.float32).tolist()]
+    return kind(
+        now,
+        inside.mode,
+        inside.fault,
+        inside.label,
+        *(inside.label >> bit & 1 for bit in range(len(FEET))),
+        states[inside.state],
+        inside.phi,
+        int(inside.advanced),
+        int(inside.off_spec),
+        *inside.command,
+        *numbers,
+    )
 
 
 def _numbered(fields: Sequence[Field]) -> list[str]:

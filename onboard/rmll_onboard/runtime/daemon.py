@@ -5,9 +5,9 @@ calls it in real time, a simulation in step with its own clock, a replay with a 
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+from msgspec.structs import asdict
 
 from rmll_gaits.schedule import transition_rate
 from rmll_onboard.commands.operator import Operator, OperatorCommand
@@ -25,6 +25,7 @@ from rmll_onboard.safety.supervisor import Supervisor
 from rmll_onboard.settings.runtime_settings import RuntimeSettings
 from rmll_onboard.state.attitude import projected_gravity
 from rmll_onboard.state.modes import NS, Mode, Request
+from rmll_onboard.state.reports import DaemonReport, WalkReport
 
 _REFUSAL_NS = 2_000_000_000
 """A robot that shall stand up waits so long for its sensors to agree"""
@@ -144,17 +145,17 @@ class Daemon:
         """The same in words"""
         return None if self.complaint is None else self.complaint.detail
 
-    def report(self) -> dict[str, Any]:
-        """What was walked, and the fault that ended it, as plain numbers."""
-        refused = {str(reason): count for reason, count in self.interface.refused.items()}
-        return self._walk.report() | {
-            "fault": self.fault,
-            "fault_name": None if self.complaint is None else str(self.complaint.fault),
-            "warnings": self._guard.warnings,
-            "stuck_walks": self._stop.stuck_walks,
-            "feet": self.feet.report(),
-            "refused": refused,
-        }
+    def report(self) -> DaemonReport:
+        """What was walked, and the fault that ended it."""
+        return DaemonReport(
+            **asdict(self._walk.report()),
+            fault=self.fault,
+            fault_name=None if self.complaint is None else str(self.complaint.fault),
+            warnings=tuple(self._guard.warnings),
+            stuck_walks=self._stop.stuck_walks,
+            feet=self.feet.report(),
+            refused={str(reason): count for reason, count in self.interface.refused.items()},
+        )
 
     def _orders(self, now: int, mode: Mode, pressed: a1_remote.Remote) -> OperatorCommand:
         """The operator's, unless there is reason to do something else."""
@@ -240,14 +241,15 @@ class WalkStatistics:
             self._rate = frequency, float(transition_rate(self._table, frequency))
         self._allowed += self._rate[1]
 
-    def report(self) -> dict[str, Any]:
+    def report(self) -> WalkReport:
         steps = self._steps
-        return {
-            "walking_start_ns": self._start,
-            "walking_end_ns": self._end,
-            "policy_steps": steps,
-            "transitions": self._transitions,
-            "allowed": self._allowed,
-            "adherence": self._transitions / self._allowed if steps else None,
-            "off_spec_contact": self._off_spec / steps if steps else None,
-        }
+        return WalkReport(
+            gait=self._table.gait,
+            walking_start_ns=self._start,
+            walking_end_ns=self._end,
+            policy_steps=steps,
+            transitions=self._transitions,
+            allowed=self._allowed,
+            adherence=self._transitions / self._allowed if steps else None,
+            off_spec_contact=self._off_spec / steps if steps else None,
+        )

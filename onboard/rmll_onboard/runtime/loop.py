@@ -5,7 +5,9 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import Protocol
+
+from msgspec.structs import asdict
 
 from rmll_common.errors import Failure
 from rmll_onboard.interface.transport import Transport
@@ -17,6 +19,7 @@ from rmll_onboard.runtime.tick_listener import TickListener
 from rmll_onboard.runtime.timing import Timing
 from rmll_onboard.settings.runtime_settings import Realtime
 from rmll_onboard.state.modes import NS
+from rmll_onboard.state.reports import LoopReport, PacketReport
 
 _STOP_SIGNALS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 
@@ -75,17 +78,11 @@ class Loop:
                 self._service.stopping()
                 self._farewell()
 
-    def report(self) -> dict[str, Any]:
+    def report(self) -> LoopReport:
         """How well time was kept, see :class:`Timing`, and datagram counts."""
         interface = self._daemon.interface
-        return self._timing.report() | {
-            "packets": {
-                "sent": self._sent,
-                "received": interface.received,
-                "rejected": interface.rejected,
-                "lost": interface.lost,
-            },
-        }
+        packets = PacketReport(self._sent, interface.received, interface.rejected, interface.lost)
+        return LoopReport(**asdict(self._timing.report()), packets=packets)
 
     def _run(self, startup_timeout: float) -> None:
         daemon, link, timing, period = self._daemon, self._link, self._timing, self._daemon.period

@@ -3,9 +3,17 @@
 from array import array
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
+from msgspec.structs import asdict
+
+from rmll_onboard.state.reports import (
+    LowerPercentiles,
+    Timekeeping,
+    TimingReport,
+    UpperPercentiles,
+)
 
 _LONGEST = 1 << 16
 """[us]; longer ones are counted as this, and only the extremes are exact"""
@@ -31,23 +39,27 @@ class Durations:
         elif nanoseconds < self._shortest:
             self._shortest = nanoseconds
 
-    def highest(self) -> dict[str, float] | None:
-        """p50, p99, p999 and max in us; None before the first duration."""
-        return self._named(("p50", "p99", "p999", "max"), (0.5, 0.99, 0.999), self._longest)
-
-    def lowest(self) -> dict[str, float] | None:
-        """p50, p01, p001 and min in us; None before the first duration."""
-        return self._named(("p50", "p01", "p001", "min"), (0.5, 0.01, 0.001), self._shortest)
-
-    def _named(
-        self, names: Sequence[str], shares: Sequence[float], extreme: int
-    ) -> dict[str, float] | None:
-        """For each share, what so many of the durations do not exceed, to the microsecond."""
+    def highest(self) -> UpperPercentiles | None:
+        """None before the first duration."""
         if not self._any:
             return None
+        return UpperPercentiles(*self._quantiles(0.5, 0.99, 0.999), max=_us(self._longest))
+
+    def lowest(self) -> LowerPercentiles | None:
+        """None before the first duration."""
+        if not self._any:
+            return None
+        return LowerPercentiles(*self._quantiles(0.5, 0.01, 0.001), min=_us(self._shortest))
+
+    def _quantiles(self, *shares: float) -> list[float]:
+        """For each share, what so many of the durations do not exceed, to the microsecond."""
         below = np.cumsum(np.frombuffer(self._counts, np.uint64))
         bins = np.searchsorted(below, np.array(shares) * float(below[-1]))
-        return dict(zip(names, [*map(float, bins), round(extreme / 1000, 1)], strict=True))
+        return [float(index) for index in bins]
+
+
+def _us(nanoseconds: int) -> float:
+    return round(nanoseconds / 1000, 1)
 
 
 class Timing:
@@ -73,19 +85,19 @@ class Timing:
             self._next_look = now + _MINUTE
             self._memory.append(memory_mb("VmRSS"))
 
-    def report(self) -> dict[str, Any]:
-        """Times in us, memory in MB; ``rss_mb`` is its peak."""
-        return {
-            "tick_us": self.tick.highest(),
-            "wake_us": self.wake.highest(),
-            "rss_mb": memory_mb("VmHWM"),
-            "timekeeping": {
-                "plain_tick_us": self.plain_tick.highest(),
-                "slack_us": self.slack.lowest(),
-                "missed": self.missed,
-                "memory_mb": [*self._memory, memory_mb("VmRSS")],
-            },
-        }
+    def report(self) -> TimingReport:
+        """All so far."""
+        return TimingReport(
+            tick_us=self.tick.highest(),
+            wake_us=self.wake.highest(),
+            rss_mb=memory_mb("VmHWM"),
+            timekeeping=Timekeeping(
+                plain_tick_us=self.plain_tick.highest(),
+                slack_us=self.slack.lowest(),
+                missed=self.missed,
+                memory_mb=(*self._memory, memory_mb("VmRSS")),
+            ),
+        )
 
 
 def memory_mb(kind: Literal["VmRSS", "VmHWM"]) -> float:
@@ -101,26 +113,29 @@ def memory_mb(kind: Literal["VmRSS", "VmHWM"]) -> float:
     return round(int(kilobytes) / 1024, 1)
 
 
-def table(report: dict[str, Any]) -> str:
+def table(report: TimingReport) -> str:
     """What :meth:`Timing.report` says, for people."""
-    kept = report["timekeeping"]
+    kept = report.timekeeping
+    if kept is None:
+        return "time was not measured"
     rows = {
-        "late wake-up": report["wake_us"],
-        "policy tick": report["tick_us"],
-        "plain tick": kept["plain_tick_us"],
-        "slack": kept["slack_us"],
+        "late wake-up": report.wake_us,
+        "policy tick": report.tick_us,
+        "plain tick": kept.plain_tick_us,
+        "slack": kept.slack_us,
     }
     lines: list[str] = []
     header: list[str] = []
-    for name, values in rows.items():
-        if values is None:
+    for name, percentiles in rows.items():
+        if percentiles is None:
             continue
+        values = asdict(percentiles)
         if list(values) != header:
             header = list(values)
             lines.append(_line("[us]", header))
         lines.append(_line(name, [f"{value:.0f}" for value in values.values()]))
-    memory = [f"{value:.1f}" for value in kept["memory_mb"]]
-    lines.append(_line("missed deadlines", [str(kept["missed"])]))
+    memory = [f"{value:.1f}" for value in kept.memory_mb]
+    lines.append(_line("missed deadlines", [str(kept.missed)]))
     return "\n".join([*lines, f"{'memory [MB]':18}{' '.join(memory)}"])
 
 

@@ -4,7 +4,7 @@ One policy step: action -> joint targets held for 20 ms -> contact labels -> aut
 with the bonus where the automaton advanced -> ends of episodes -> observation.
 """
 
-from typing import Any
+from typing import TypedDict
 
 import torch
 from rsl_rl.env import VecEnv
@@ -36,6 +36,20 @@ PRIVILEGED: observation.Layout = (
     observation.Field("foot_down", 4, 1.0),
 )
 """What the critic sees besides the policy's observation"""
+
+
+class EnvironmentState(TypedDict):
+    """Everything that changes while it is trained in."""
+
+    buffers: dict[str, Tensor]
+    simulation: dict[str, Tensor]
+    observed: dict[str, Tensor]
+    random: Tensor
+    """Of the generator"""
+    level: Tensor
+    """Of the ground, (envs,)"""
+    demands: dict[str, float]
+    failures: int
 
 
 class GaitEnv(VecEnv):
@@ -106,7 +120,7 @@ class GaitEnv(VecEnv):
         }
         return TensorDict(groups, batch_size=[self.num_envs])
 
-    def step(self, actions: Tensor) -> tuple[TensorDict, Tensor, Tensor, dict[str, Any]]:
+    def step(self, actions: Tensor) -> tuple[TensorDict, Tensor, Tensor, dict[str, Tensor]]:
         clip, scale = self.robot.action_clip, self.robot.action_scale
         taken = actions.detach().nan_to_num().clamp(-clip, clip)
         self.targets = action.targets(taken, self._default, scale, clip)
@@ -164,7 +178,7 @@ class GaitEnv(VecEnv):
         self._draw_commands(torch.arange(self.num_envs))
         self._observed = self._observe()
 
-    def state_dict(self) -> dict[str, Any]:
+    def state_dict(self) -> EnvironmentState:
         """Everything that :meth:`load_state_dict` needs to go on from here."""
         return {
             "buffers": {name: buffer.clone() for name, buffer in self._buffers().items()},
@@ -176,7 +190,7 @@ class GaitEnv(VecEnv):
             "failures": self.failures,
         }
 
-    def load_state_dict(self, saved: dict[str, Any]) -> None:
+    def load_state_dict(self, saved: EnvironmentState) -> None:
         for name, buffer in self._buffers().items():
             buffer[:] = saved["buffers"][name]
         self.simulation.load_state_dict(saved["simulation"])

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from copy import copy
 from itertools import cycle, islice
-from typing import Any
+from typing import TypedDict
 
 import torch
 from rsl_rl.algorithms import PPO
@@ -34,6 +34,20 @@ from rmll_train.learning.samples import Samples, collected, remembered
 from rmll_train.train_settings import LearnerSettings
 
 OBSERVATION_GROUPS = {"actor": ["policy"], "critic": ["critic"]}
+
+
+class LearnerState(TypedDict):
+    """Networks, optimisers and counters; the first three are rsl-rl's."""
+
+    actor_state_dict: dict[str, Tensor]
+    critic_state_dict: dict[str, Tensor]
+    optimizer_state_dict: dict[str, object]
+    critic_optimizer: dict[str, object]
+    estimator_optimizer: dict[str, object]
+    return_scale: dict[str, Tensor] | None
+    rates: list[float]
+    """At each of the actor's steps in the last update"""
+    skipped: int
 
 
 class GaitPPO(PPO):
@@ -152,7 +166,7 @@ class GaitPPO(PPO):
             return judged, true, self.critic.mlp(judged).float()
 
     def process_env_step(
-        self, obs: TensorDict, rewards: Tensor, dones: Tensor, extras: dict[str, Any]
+        self, obs: TensorDict, rewards: Tensor, dones: Tensor, extras: dict[str, Tensor]
     ) -> None:
         if self.return_scale is not None:
             rewards = self.return_scale(rewards, dones)
@@ -292,22 +306,26 @@ class GaitPPO(PPO):
     def _precision(self) -> torch.autocast:
         return torch.autocast("cpu", torch.bfloat16, enabled=self.use_mixed_precision)
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> LearnerState:
         """Everything a resumed run needs to go on."""
-        saved = super().save()
-        saved["critic_optimizer"] = self.critic_optimizer.state_dict()
-        saved["estimator_optimizer"] = self.estimator_optimizer.state_dict()
-        saved["return_scale"] = self.return_scale.state_dict() if self.return_scale else None
-        saved["rates"] = self._rates
-        saved["skipped"] = self.skipped_steps
-        return saved
+        networks = super().save()
+        return {
+            "actor_state_dict": networks["actor_state_dict"],
+            "critic_state_dict": networks["critic_state_dict"],
+            "optimizer_state_dict": networks["optimizer_state_dict"],
+            "critic_optimizer": self.critic_optimizer.state_dict(),
+            "estimator_optimizer": self.estimator_optimizer.state_dict(),
+            "return_scale": self.return_scale.state_dict() if self.return_scale else None,
+            "rates": self._rates,
+            "skipped": self.skipped_steps,
+        }
 
-    def restore(self, saved: dict[str, Any]) -> None:
-        super().load(saved, None, strict=True)
+    def restore(self, saved: LearnerState) -> None:
+        super().load(dict(saved), None, strict=True)
         self.critic_optimizer.load_state_dict(saved["critic_optimizer"])
         self.estimator_optimizer.load_state_dict(saved["estimator_optimizer"])
         if self.return_scale is not None:
-            self.return_scale.load_state_dict(saved["return_scale"])
+            self.return_scale.load_state_dict(saved["return_scale"] or {})
         # a new stage may have more or fewer steps an update
         self._rates = list(islice(cycle(saved["rates"]), len(self._rates)))
         self.learning_rate = saved["rates"][-1]
