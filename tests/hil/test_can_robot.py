@@ -102,6 +102,7 @@ def test_commands_and_states_arrive_through_signs_offsets_and_ranges(variant):
     state.dq[:] = random.uniform(-20, 20, 12)
     state.tau[:] = random.uniform(-20, 20, 12)
     state.gyro[:] = random.uniform(-5, 5, 3)
+    state.quaternion[:] = 0.9, 0.1, 0.3, 0.3  # of length 1
     state.temperature[:] = range(30, 42)
     command.q[:] = random.uniform(A1.joint_lower, A1.joint_upper)
     command.dq[:] = random.uniform(-20, 20, 12)
@@ -117,6 +118,7 @@ def test_commands_and_states_arrive_through_signs_offsets_and_ranges(variant):
         (found.dq, state.dq, 90 / 4095),
         (found.tau, state.tau, 130 / 4095),
         (found.gyro, state.gyro, 1 / 900),
+        (found.quaternion, state.quaternion, 1 / 32767),
         (heard.q, command.q, 25 / 65535),
         (heard.dq, command.dq, 90 / 4095),
         (heard.tau, command.tau, 130 / 4095),

@@ -97,7 +97,7 @@ def test_it_walks_over_udp_and_reports(start, served, tmp_path):
     assert report["record"]["dropped"] == 0
     ticks = list(FlightLog(log).ticks())
     assert [tick.number for tick in ticks] == list(range(report["record"]["ticks"]))
-    walking = sum(row["mode"] == "walking" for row in FlightLog(log).rows())
+    walking = sum(row.mode == "walking" for row in FlightLog(log).rows())
     assert walking >= report["policy_steps"] > 0
 
 
