@@ -15,6 +15,7 @@ from rmll_hil.faults.fault_rows import ROWS, FaultRow, Reaction
 from rmll_hil.faults.fault_table import FaultResult, markdown, provoke, provoke_once
 from rmll_hil.faults.fault_trial import FaultTrial
 from rmll_onboard.runtime import loop
+from rmll_onboard.safety.faults import Fault
 from rmll_robots import A1
 
 TROT = Path(__file__).parents[2] / "policies" / "trot.onnx"
@@ -133,6 +134,8 @@ def test_the_page_tells_how_often_it_was_as_it_should() -> None:
     tilted = "tilted: roll 3.10 rad, pitch 0.00 rad"
     assert f"| 4-6 | damps | 2/2 | {tilted} | `flipped_imu` |" in page
     assert "in virtual time" in page and "--times 2 --out" in page
+    assert all(f"| `{fault}` | {fault.meaning} | " in page for fault in Fault)
+    assert "is too hot | damps when it shall stand up | damps | damps |" in page
     page = markdown([[fine, wrong]], TROT, realtime=True)
     assert "| 4 | damps | 1/2 | no state from the robot | `flipped_imu` |" in page
     assert "over UDP" in page and "--realtime --times 2 --out" in page

@@ -11,6 +11,7 @@ from pathlib import Path
 from rmll_hil.faults import broken_policy, fault_realtime, fault_virtual
 from rmll_hil.faults.fault_rows import FaultRow, Reaction
 from rmll_hil.faults.fault_trial import FaultTrial
+from rmll_onboard.safety.faults import Fault
 from rmll_robots import A1, Robot
 
 TEST = "tests/hil/test_fault_table.py"
@@ -26,6 +27,15 @@ Made with `rmll-hil faults --policy {policy}{flags} --out docs/faults.md`.
 | fault | ms | reaction | as it should | the daemon's words | name |
 |---|---|---|---|---|---|
 {rows}
+
+## By cause and mode
+
+Every fault that the daemon knows, `onboard/rmll_onboard/safety/faults.py`, and what it makes of a robot that lies damped,
+that stands or is on its way up or down, and that walks. What damps does so for as long as the program lives.
+
+| fault | is | lies damped | stands | walks |
+|---|---|---|---|---|
+{faults}
 """
 
 
@@ -95,8 +105,20 @@ def markdown(results: Sequence[Sequence[FaultResult]], policy: Path, realtime: b
         rows="\n".join(lines),
         clock="in real time and over UDP" if realtime else "in virtual time",
         repeated=f", {times} times with other noise of the sensors" if times > 1 else "",
+        faults="\n".join(map(_by_mode, Fault)),
         flags=" --realtime" * realtime + f" --times {times}" * (times > 1),
     )
+
+
+def _by_mode(fault: Fault) -> str:
+    lying, standing, walking = "damps when it shall stand up", "damps", "damps"
+    if fault.of_any_robot:
+        lying = "damps"
+    if fault.of_walks_only:
+        lying = standing = "-"
+    if fault is Fault.NOT_READY:
+        standing = walking = "-"
+    return f"| `{fault}` | {fault.meaning} | {lying} | {standing} | {walking} |"
 
 
 def score(many: Sequence[FaultResult]) -> str:
