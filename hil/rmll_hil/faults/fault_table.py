@@ -30,8 +30,9 @@ Made with `rmll-hil faults --policy {policy}{flags} --out docs/faults.md`.
 
 ## By cause and mode
 
-Every fault that the daemon knows, `onboard/rmll_onboard/safety/faults.py`, and what it makes of a robot that lies damped,
-that stands or is on its way up or down, and that walks. What damps does so for as long as the program lives.
+Every fault that the daemon knows, `onboard/rmll_onboard/safety/faults.py`, and what it makes of a
+robot that lies damped, that stands or is on its way up or down, and that walks. What damps does so
+for as long as the program lives.
 
 | fault | is | lies damped | stands | walks |
 |---|---|---|---|---|
