@@ -117,6 +117,10 @@ def _by_mode(fault: Fault) -> str:
         lying = "damps"
     if fault.of_walks_only:
         lying = standing = "-"
+    if fault is Fault.DEADLINES_MISSED:
+        lying = "-"
+    if fault is Fault.SENSORS_DISAGREE:
+        lying = f"does not stand up: `{Fault.NOT_READY}`"
     if fault is Fault.NOT_READY:
         standing = walking = "-"
     return f"| `{fault}` | {fault.meaning} | {lying} | {standing} | {walking} |"
