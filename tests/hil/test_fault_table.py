@@ -70,7 +70,7 @@ def test_the_fault_waits_until_the_robot_has_walked(monkeypatch: pytest.MonkeyPa
     trial = FaultTrial(stop, A1, 0)
     reaction, after_ms, told = fault_virtual.run(stop, trial, TROT)
     assert trial.begin_ms is not None and trial.begin_ms > 3500
-    assert (reaction, told) == (Reaction.DAMPS, "emergency stop on the remote")
+    assert (reaction, told) == (Reaction.DAMPS, "emergency_stop: emergency stop on the remote")
     assert after_ms is not None and after_ms <= 10
 
 
