@@ -133,16 +133,16 @@ def test_a_joint_that_counts_the_other_way_shows_in_the_packets(slot: int) -> No
     ],
 )
 def test_a_joint_that_counts_the_other_way_stops_the_daemon(joint: str, words: str) -> None:
-    assert words in (walked(flipped(joint))["fault"] or "")
+    assert words in (walked(flipped(joint)).fault or "")
 
 
 def test_a_hip_that_counts_the_other_way_turns_the_robot_from_its_course() -> None:
     """The daemon cannot see it; whoever looks at the figures does."""
-    assert walked(Emulator(EmulatorSettings(seed=1), QUIET))["wz_error"] < 0.2
-    assert walked(flipped("FR_hip_joint"))["wz_error"] > 0.4
+    assert walked(Emulator(EmulatorSettings(seed=1), QUIET)).wz_error < 0.2
+    assert walked(flipped("FR_hip_joint")).wz_error > 0.4
 
 
-def walked(emulator: Emulator) -> dict:
+def walked(emulator: Emulator) -> metrics.RunSummary:
     bundle = load_bundle(TROT)
     operator = FlagOperator(bundle.table.commands, 0.5, seconds=2.0)
     settings = RuntimeSettings(motion=Motion(**MOTION))

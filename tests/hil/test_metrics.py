@@ -27,6 +27,7 @@ REPORT = RunReport(
     adherence=0.9,
     off_spec_contact=0.1,
     fault=None,
+    fault_name=None,
     warnings=(),
     stuck_walks=0,
     feet=FeetReport(("torque",) * 4, gain=(), bias=(), doubts={}),

@@ -32,7 +32,7 @@ MEASURED = [
 ]
 REPORT = (
     '{"gait":"trot","walking_start_ns":5,"walking_end_ns":7,"policy_steps":11,"transitions":3,'
-    '"allowed":3.5,"adherence":0.857,"off_spec_contact":0.2,"fault":null,"warnings":["hot"],'
+    '"allowed":3.5,"adherence":0.857,"off_spec_contact":0.2,"fault":null,"fault_name":null,"warnings":["hot"],'
     '"stuck_walks":0,"feet":{"contact_by":["torque","sensor","torque","torque"],'
     '"gain":[null,2.1,null,null],"bias":[null,-3.0,null,null],"doubts":{"FR":"too noisy"}},'
     '"refused":{"late":1},"tick_us":{"p50":1.0,"p99":2.0,"p999":3.0,"max":3.1},"wake_us":null,'

@@ -63,9 +63,9 @@ def test_a_cache_warmer_that_fails_is_off_and_told(bundle, brisk, daemon, robot,
     Loop(daemon, InProcess(robot, []), Realtime(), cache_warmer=warmer, clock=clock).run(5.0)
     assert warmer.calls == 1
     report = daemon.report()
-    assert report["warnings"] == ["the cache warmer is off: ZeroDivisionError('so it goes')"]
-    assert report["fault"] is None
-    assert report["policy_steps"] > 10
+    assert report.warnings == ("the cache warmer is off: ZeroDivisionError('so it goes')",)
+    assert report.fault is None
+    assert report.policy_steps > 10
 
 
 @pytest.mark.parametrize("pace", [Realtime(), Realtime(early_us=0, cache_warmup_us=0)], ids=str)
