@@ -82,9 +82,9 @@ class Daemon:
             self.feet.measured(now, state.dq)
         pressed = a1_remote.decode(state.remote)
         if pressed.emergency_stop:
-            self._trip(Complaint(Fault.EMERGENCY_STOP, "emergency stop on the remote"))
+            supervisor.trip(Complaint(Fault.EMERGENCY_STOP, "emergency stop on the remote"))
         if self.interface.fault:
-            self._trip(Complaint(Fault.ROBOT_REPORTS, self.interface.fault))
+            supervisor.trip(Complaint(Fault.ROBOT_REPORTS, self.interface.fault))
         before = supervisor.mode
         orders = self._ready(now, before, self._orders(now, before, pressed))
         moving, walking = before is not Mode.DAMPING, before is Mode.WALKING
@@ -92,7 +92,7 @@ class Daemon:
         complaint = self._guard.complaint(seen)
         mode = supervisor.update(now, state, orders.request)
         if complaint:
-            mode = self._trip(complaint)
+            mode = supervisor.trip(complaint)
         if mode is Mode.WALKING and before is not Mode.WALKING:
             self.controller.reset()
             self.feet.reset()
@@ -163,7 +163,7 @@ class Daemon:
         if complaint := self.operator.complaint:
             self._guard.warn(complaint)
         if orders.request is Request.DAMP:
-            self._trip(Complaint(Fault.EMERGENCY_STOP, "emergency stop by the operator"))
+            self._supervisor.trip(Complaint(Fault.EMERGENCY_STOP, "emergency stop by the operator"))
         if not self.interface.received:
             return orders._replace(request=None)
         if self.stopping or self._remote_lost(now, mode):
@@ -182,7 +182,7 @@ class Daemon:
         since = self._unready_since = self._unready_since or now
         if now - since > _REFUSAL_NS:
             told = f" ({self.interface.refusals})" if self.interface.rejected else ""
-            self._trip(Complaint(Fault.NOT_READY, f"refused to stand up: {doubt}{told}"))
+            self._supervisor.trip(Complaint(Fault.NOT_READY, f"refused to stand up: {doubt}{told}"))
         return orders._replace(request=None)
 
     def _remote_lost(self, now: int, mode: Mode) -> bool:
@@ -212,11 +212,7 @@ class Daemon:
             touching, clear = self._stop.contacts(self.controller.state)
         self._target[joints] = self.controller.step(touching, clear, sensed, command)
         if complaint := self._action_guard.complaint(self.controller.raw_action, self._target):
-            self._trip(complaint)
-
-    def _trip(self, complaint: Complaint) -> Mode:
-        """The one way into damping by a fault."""
-        return self._supervisor.trip(complaint)
+            self._supervisor.trip(complaint)
 
 
 class WalkStatistics:
