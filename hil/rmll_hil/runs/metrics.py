@@ -5,11 +5,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmll_hil.runs.outcome import Outcome, at, column, times
+from rmll_onboard.state.attitude import GRAVITY
 from rmll_onboard.state.modes import Mode
 from rmll_onboard.state.reports import PacketReport, Timekeeping, UpperPercentiles
 from rmll_robots import Robot
 
-GRAVITY = 9.81
 SETTLING_NS = 1_000_000_000
 """The first second of walking does not count for the velocity errors"""
 

@@ -15,6 +15,7 @@ from rmll_gaits.label import FEET
 from rmll_onboard.control.foot_calibration import FootCalibration
 from rmll_onboard.control.leg_force import LegForce
 from rmll_onboard.settings.runtime_settings import Feet
+from rmll_onboard.state.attitude import GRAVITY
 from rmll_onboard.state.modes import Mode
 from rmll_onboard.state.reports import FeetReport
 from rmll_onboard.state.robot_state import RobotState
@@ -22,7 +23,6 @@ from rmll_robots import Robot
 
 Array = NDArray[np.float64]
 
-GRAVITY = 9.81
 CLEAR_HEIGHT = 0.02
 """[m] of the estimator's foot heights. In training a foot is clear from 0.03 m on, but a gait whose
 feet never seem to be clear would stand still"""
@@ -52,6 +52,7 @@ class ContactEstimator:
         self._force: Sequence[float] = [0.0] * len(FEET)
         self._raw: Sequence[int] = ()
         self._heights: Array | None = None  # [m] above the hips, in the newest step
+        self._risen: Array | float = 0.0  # [m] since the step before
 
     def reset(self) -> None:
         """A walk begins: forget the step before."""
@@ -91,11 +92,9 @@ class ContactEstimator:
         and a robot that is pushed unloads feet without lifting them: a foot is clear of the ground
         if it bears no load and is high as well.
         """
-        before = self._heights
         load = np.array(self._loads(state, gravity))
         pressed = load > np.where(down, self._pressed, self._firm)
-        risen = 0.0 if before is None else np.array(self._legs.heights) - before
-        clear = (load < self._clear) & (heights + risen > CLEAR_HEIGHT)
+        clear = (load < self._clear) & (heights + self._risen > CLEAR_HEIGHT)
         touching = pressed | self._before
         self._before = pressed
         return touching, clear
@@ -151,6 +150,8 @@ class ContactEstimator:
 
     def _feel(self, state: RobotState, gravity: Array) -> None:
         self._force = self._legs.step(state.q, state.tau, gravity)
-        self._heights = np.array(self._legs.heights)
+        heights = np.array(self._legs.heights)
+        self._risen = 0.0 if self._heights is None else heights - self._heights
+        self._heights = heights
         if self.sensors:
             self._raw = state.foot_force.tolist()

@@ -6,13 +6,12 @@ from math import asin, cos, exp, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from rmll_onboard.state.attitude import GRAVITY
 from rmll_onboard.state.robot_state import RobotState
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
-GRAVITY = 9.81
-"""[m/s²]"""
 MEMORY = 0.25
 """[s] after which a disagreement of angles has faded to a third"""
 LONGEST = 0.0125

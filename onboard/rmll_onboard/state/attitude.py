@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+GRAVITY = 9.81
+"""[m/s²]"""
+
 
 def projected_gravity(quaternion: Array) -> Array:
     """Unit vector of gravity (3,) in the base frame, (0, 0, -1) when level.
